@@ -1,0 +1,3 @@
+PYTHON ?= python3
+.PHONY: demo test lint lab
+demo test lint lab: ; @$(PYTHON) tools/dev.py $@ -- $(ARGS)

@@ -1,0 +1,289 @@
+"""Genes and one generation of the genetic algorithm: equations (23)-(28).
+
+A pose hypothesis is a string of six genes, one for each coordinate of the pose vector. The
+algorithm is ask and tell: `GeneticAlgorithm.breed` turns a scored population into the next one,
+which the caller scores on the next picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Bits = NDArray[np.uint8]
+
+POSE_COORDINATES = ("x", "y", "z", "eps1", "eps2", "eps3")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchRange:
+    """The box of poses which the genes span, as (least, greatest) of every coordinate.
+
+    Attributes:
+        x: Target's position to the right in the right camera's frame [m].
+        y: Its position downward [m].
+        z: Its distance along the line of sight [m].
+        eps1: First component of its quaternion's vector part.
+        eps2: Second component.
+        eps3: Third component.
+
+    Raises:
+        ValueError: When a coordinate's bounds are not in order, z is not in front of the camera, or
+            the quaternion's components leave [-1, 1].
+
+    Example:
+        >>> SearchRange(x=(-0.2, 0.2)).lower
+        array([-0.2 ,  0.  ,  0.65, -0.5 , -0.5 , -0.5 ])
+    """
+
+    x: tuple[float, float] = (-0.150, 0.150)
+    y: tuple[float, float] = (0.0, 0.300)
+    z: tuple[float, float] = (0.650, 0.950)
+    eps1: tuple[float, float] = (-0.5, 0.5)
+    eps2: tuple[float, float] = (-0.5, 0.5)
+    eps3: tuple[float, float] = (-0.5, 0.5)
+
+    def __post_init__(self) -> None:
+        """Checks the bounds."""
+        for name in POSE_COORDINATES:
+            bounds = getattr(self, name)
+            if len(bounds) != 2 or not bounds[0] < bounds[1]:
+                raise ValueError(f"search_range: {name} must be [least, greatest], not {bounds}")
+            if name.startswith("eps") and not (-1 <= bounds[0] and bounds[1] <= 1):
+                raise ValueError(f"search_range: {name} must lie within [-1, 1], not {bounds}")
+        if not self.z[0] > 0:
+            raise ValueError(
+                f"search_range: z must lie in front of the camera (above 0 m), not {self.z}"
+            )
+
+    @property
+    def lower(self) -> Array:
+        """Least pose vector, shape (6,)."""
+        return np.array([getattr(self, name)[0] for name in POSE_COORDINATES], dtype=float)
+
+    @property
+    def upper(self) -> Array:
+        """Greatest pose vector, shape (6,)."""
+        return np.array([getattr(self, name)[1] for name in POSE_COORDINATES], dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneCoding:
+    """Pose vectors as strings of bits, six genes of equal length.
+
+    Attributes:
+        search_range: The poses which the genes span; others are moved to its border.
+        bits: Bits a gene.
+        coding: "binary" (the paper's), or "gray": neighboring values differ in one bit.
+
+    Raises:
+        ValueError: When ``bits`` or ``coding`` is outside its range.
+
+    Example:
+        >>> coding = GeneCoding()
+        >>> coding.encode([[0.150, 0.300, 0.950, 0.5, 0.5, 0.5]]).sum()
+        np.uint64(72)
+    """
+
+    search_range: SearchRange = field(default_factory=SearchRange)
+    bits: int = 12
+    coding: Literal["binary", "gray"] = "binary"
+
+    def __post_init__(self) -> None:
+        """Checks the parameters."""
+        if not 1 <= self.bits <= 31:
+            raise ValueError(f"bits must be between 1 and 31, not {self.bits}")
+        if self.coding not in ("binary", "gray"):
+            raise ValueError(f"coding must be 'binary' or 'gray', not {self.coding!r}")
+
+    def encode(self, poses: ArrayLike) -> Bits:
+        """Bits of pose vectors.
+
+        Args:
+            poses: Pose vectors, shape (N, 6).
+
+        Returns:
+            Zeros and ones, most significant bit first, shape (N, 6 * bits).
+        """
+        lower, upper = self.search_range.lower, self.search_range.upper
+        top = 2**self.bits - 1
+        share = (np.asarray(poses, dtype=float) - lower) / (upper - lower)
+        genes = np.rint(np.clip(share, 0.0, 1.0) * top).astype(np.int64)
+        if self.coding == "gray":
+            genes ^= genes >> 1
+        bits = (genes[..., None] >> np.arange(self.bits - 1, -1, -1)) & 1
+        return bits.astype(np.uint8).reshape(len(genes), 6 * self.bits)
+
+    def decode(self, bits: Bits) -> Array:
+        """Pose vectors of bits: the inverse of `encode` up to the genes' resolution.
+
+        Args:
+            bits: Zeros and ones, shape (N, 6 * bits).
+
+        Returns:
+            Pose vectors, shape (N, 6).
+        """
+        digits = np.asarray(bits, dtype=np.int64).reshape(len(bits), 6, self.bits)
+        if self.coding == "gray":
+            digits = np.cumsum(digits, axis=-1) & 1
+        genes = digits @ (1 << np.arange(self.bits - 1, -1, -1))
+        lower, upper = self.search_range.lower, self.search_range.upper
+        return np.asarray(lower + genes * ((upper - lower) / (2**self.bits - 1)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneticParameters:
+    """How a generation is bred.
+
+    The best share of the population survives unchanged. The others are replaced by children: some
+    drawn around the best individual, some drawn anew over the whole search range, and the rest
+    two-point crossovers of two survivors whose bits then mutate. With ``local_share`` and
+    ``newcomer_share`` zero and ``first_candidates`` one this is the plain 1-step GA.
+
+    Attributes:
+        population_size: Number of hypotheses.
+        survivor_share: Share of the population that survives.
+        mutation_probability: Chance of each bit of a crossover child to flip.
+        local_share: Share of the children drawn around the best individual.
+        local_spread: Standard deviation of those, when the fitness is zero: position [m] and
+            quaternion component. It shrinks in proportion to one minus the fitness.
+        local_least: The standard deviation it shrinks to at a fitness of one.
+        newcomer_share: Share of the children drawn over the whole search range.
+        first_candidates: The first population is the best of this many times its size.
+
+    Raises:
+        ValueError: When a parameter is outside its range.
+    """
+
+    population_size: int = 60
+    survivor_share: float = 0.5
+    mutation_probability: float = 0.02
+    local_share: float = 0.5
+    local_spread: tuple[float, float] = (0.050, 0.100)
+    local_least: tuple[float, float] = (0.001, 0.002)
+    newcomer_share: float = 0.1
+    first_candidates: int = 10
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        if self.population_size < 2:
+            raise ValueError(f"population_size must be at least 2, not {self.population_size}")
+        if self.first_candidates < 1:
+            raise ValueError(f"first_candidates must be at least 1, not {self.first_candidates}")
+        for name in ("survivor_share", "mutation_probability", "local_share", "newcomer_share"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{name} must be between 0 and 1, not {value}")
+        if self.local_share + self.newcomer_share > 1.0:
+            raise ValueError("local_share and newcomer_share together must not exceed 1")
+        for name in ("local_spread", "local_least"):
+            value = getattr(self, name)
+            if len(value) != 2 or min(value) < 0.0:
+                raise ValueError(
+                    f"{name} must be two lengths of at least 0 ([m], quaternion), not {value}"
+                )
+
+
+class GeneticAlgorithm:
+    """Breeds one generation from a scored one.
+
+    Args:
+        coding: The genes.
+        parameters: How to breed.
+
+    Example:
+        >>> algorithm = GeneticAlgorithm(GeneCoding(), GeneticParameters())
+        >>> rng = np.random.default_rng(0)
+        >>> first = algorithm.draw(60, rng)
+        >>> algorithm.breed(first, np.linspace(1.0, 0.0, 60), rng).shape
+        (60, 6)
+    """
+
+    def __init__(self, coding: GeneCoding, parameters: GeneticParameters) -> None:
+        self.coding = coding
+        self.parameters = parameters
+        n = parameters.population_size
+        self._num_survivors = min(n - 1, max(1, round(parameters.survivor_share * n)))
+        children = n - self._num_survivors
+        self._num_local = round(parameters.local_share * children)
+        self._num_newcomers = min(
+            round(parameters.newcomer_share * children), children - self._num_local
+        )
+        self._num_crossed = children - self._num_local - self._num_newcomers
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Poses drawn evenly over the search range.
+
+        Args:
+            count: How many.
+            rng: Source of randomness.
+
+        Returns:
+            Pose vectors that the genes can represent, shape (count, 6).
+        """
+        bits = rng.integers(0, 2, size=(count, 6 * self.coding.bits), dtype=np.uint8)
+        return self.coding.decode(bits)
+
+    def draw_around(
+        self, pose: ArrayLike, spread: ArrayLike, count: int, rng: np.random.Generator
+    ) -> Array:
+        """Poses drawn around one, with independent normal deviations.
+
+        Args:
+            pose: The center, shape (6,).
+            spread: Standard deviations of the position [m] and of the quaternion, shape (2,).
+            count: How many.
+            rng: Source of randomness.
+
+        Returns:
+            Pose vectors that the genes can represent, shape (count, 6).
+        """
+        deviation = np.repeat(np.asarray(spread, dtype=float), 3)
+        drawn = np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
+        return self._representable(drawn)
+
+    def breed(self, poses: ArrayLike, fitness: ArrayLike, rng: np.random.Generator) -> Array:
+        """The next generation, Eq. (27): survivors first, best first, then their children.
+
+        Args:
+            poses: The population, shape (N, 6), already carried to the present (Eq. (23)).
+            fitness: Its fitness, shape (N,).
+            rng: Source of randomness.
+
+        Returns:
+            Pose vectors that the genes can represent, shape (N, 6).
+        """
+        p = self.parameters
+        fitness = np.asarray(fitness, dtype=float)
+        order = np.argsort(-fitness, kind="stable")[: self._num_survivors]
+        bits = self.coding.encode(np.asarray(poses, dtype=float)[order])
+        survivors = self.coding.decode(bits)
+        mismatch = 1.0 - float(fitness[order[0]])
+        spread = np.array(p.local_least) + mismatch * np.array(p.local_spread)
+        return np.concatenate(
+            [
+                survivors,
+                self.draw_around(survivors[0], spread, self._num_local, rng),
+                self.draw(self._num_newcomers, rng),
+                self.coding.decode(self._cross_and_mutate(bits, rng)),
+            ]
+        )
+
+    def _representable(self, poses: Array) -> Array:
+        """The poses that the genes nearest to these stand for."""
+        return self.coding.decode(self.coding.encode(poses))
+
+    def _cross_and_mutate(self, parents: Bits, rng: np.random.Generator) -> Bits:
+        """Two-point crossover of random parents, then mutation of single bits."""
+        count, length = self._num_crossed, parents.shape[1]
+        mothers, fathers = rng.integers(0, len(parents), size=(2, count))
+        cuts = np.sort(rng.integers(0, length + 1, size=(count, 2)), axis=1)
+        position = np.arange(length)
+        swapped = (position >= cuts[:, :1]) & (position < cuts[:, 1:])
+        children = np.where(swapped, parents[fathers], parents[mothers])
+        flips = rng.random((count, length)) < self.parameters.mutation_probability
+        return np.asarray(children ^ flips, dtype=np.uint8)

@@ -1,0 +1,123 @@
+"""Hue matching and the fitness of many poses on one image pair: equations (21), (22)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.solid_model import SearchModel
+from mffdrake.recognition.stereo import StereoCamera
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchingParameters:
+    """When a pixel counts as having a face's color, and a face as visible.
+
+    Attributes:
+        hue_tolerance_deg: Largest difference of hue, around the color circle [deg].
+        min_saturation: Least saturation (0 to 1) of a pixel that has a hue; grey has none.
+        min_value: Least value, i.e. brightness (0 to 1), of a pixel that has a hue.
+        min_cosine: A face is visible above this cosine between its normal and the line from its
+            center to the camera. Keep it small: a larger one makes it pay for the search to turn
+            a face out of sight.
+        min_border_distance: Inside points count only where they are at least this far from their
+            face's borders in the image [px]. Nearer, the pixel may show the neighbor or a blend,
+            so that the true pose of an obliquely seen face would not be the best one.
+
+    Raises:
+        ValueError: When a parameter is outside its range.
+    """
+
+    hue_tolerance_deg: float = 20.0
+    min_saturation: float = 0.5
+    min_value: float = 0.2
+    min_cosine: float = 0.02
+    min_border_distance: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name, low, high in (
+            ("hue_tolerance_deg", 0.0, 180.0),
+            ("min_saturation", 0.0, 1.0),
+            ("min_value", 0.0, 1.0),
+            ("min_cosine", 0.0, 1.0),
+            ("min_border_distance", 0.0, math.inf),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"{name} must be between {low:g} and {high:g}, not {value}")
+
+
+class Matcher:
+    """Scores pose hypotheses by how well the projected solid's colors match both images.
+
+    A pose's fitness is at most 1. The share of inside points that show their face's hue counts
+    for it; points of the strip outside the silhouette that show *any* hue of the model, each
+    counted once, count against it (where two faces share a hue, the sum in Eq. (21) as printed
+    would subtract the strip twice). The cost is linear in the poses and in the points.
+
+    Args:
+        search_model: The sampled solid.
+        camera: The stereo geometry.
+        parameters: Tolerances.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
+        >>> model = SearchModel(SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE)))
+        >>> matcher = Matcher(model, StereoCamera())
+        >>> black = np.zeros((480, 640, 3), dtype=np.uint8)
+        >>> matcher.fitness([[0.0, 0.155, 0.8, 0.0, 0.0, 0.0]], black, black)
+        array([0.])
+    """
+
+    def __init__(
+        self,
+        search_model: SearchModel,
+        camera: StereoCamera,
+        parameters: MatchingParameters | None = None,
+    ) -> None:
+        self.search_model = search_model
+        self.camera = camera
+        self.parameters = MatchingParameters() if parameters is None else parameters
+
+    def fitness(self, poses: ArrayLike, image_right: Image, image_left: Image) -> Array:
+        """Fitness F of every pose, Eq. (22).
+
+        Args:
+            poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
+            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
+            image_left: Left camera's image, likewise.
+
+        Returns:
+            Values from 0 to 1, shape (N,).
+
+        Raises:
+            ValueError: When an image has another size than the camera's.
+        """
+        from mffdrake.recognition import _kernels  # numba: slow to import
+
+        for image in (image_right, image_left):
+            expected = (self.camera.height, self.camera.width)
+            if image.shape[:2] != expected or image.ndim != 3 or image.shape[2] < 3:
+                raise ValueError(
+                    f"the camera's images are (height, width, 3 or 4) = {expected} + (3 or 4,), "
+                    f"not {image.shape}"
+                )
+        poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
+        model, solid, p = self.search_model, self.search_model.solid, self.parameters
+        result: Array = _kernels.fitness_of_poses(
+            poses, image_right, image_left, self.camera.focal_length, self.camera.baseline,
+            model.inside_points, model.inside_start, model.inside_distances,
+            model.side_centers, model.side_directions, solid.normals, solid.centers, solid.hues,
+            model.edge_points, model.edge_start, model.edge_directions, solid.edge_faces,
+            model.strip_offsets, solid.vertices.mean(axis=0),
+            math.radians(p.hue_tolerance_deg), p.min_saturation, p.min_value, p.min_cosine,
+            p.min_border_distance,
+        )  # fmt: skip
+        return result

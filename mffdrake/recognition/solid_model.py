@@ -1,0 +1,283 @@
+"""Colored convex solids and their search models: equations (19), (20).
+
+A `SolidModel` is the known object: its faces, each with one hue. `SearchModel` samples it: inside
+points on every face (S_in), and points on every edge from which the outside strip (S_out) grows
+once a pose tells which edges form the silhouette.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+RED, GREEN, BLUE = 0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0
+"""Hues [rad] of the three primary colors."""
+
+
+class SolidModel:
+    """A closed convex polyhedron whose faces carry one hue each.
+
+    Args:
+        vertices: Corner points in the target's frame M [m], shape (V, 3).
+        faces: For each face the indices of its corners, counterclockwise seen from outside.
+        hues: Hue of each face [rad], shape (F,).
+
+    Attributes:
+        vertices: As given, shape (V, 3).
+        faces: As given, a tuple of tuples.
+        hues: As given, in [0, 2 pi), shape (F,).
+        normals: Outward unit normals, shape (F, 3).
+        centers: Mean of each face's corners [m], shape (F, 3).
+        edges: Corner indices of each edge, shape (E, 2).
+        edge_faces: The two faces that meet at each edge, shape (E, 2).
+
+    Raises:
+        ValueError: When the solid is not closed, not convex, or hues and faces differ in number.
+
+    Example:
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> len(box.faces), len(box.edges)
+        (6, 12)
+    """
+
+    def __init__(
+        self, vertices: ArrayLike, faces: Sequence[Sequence[int]], hues: ArrayLike
+    ) -> None:
+        self.vertices: Array = np.asarray(vertices, dtype=float).reshape(-1, 3)
+        self.faces = tuple(tuple(int(i) for i in face) for face in faces)
+        self.hues: Array = np.mod(np.asarray(hues, dtype=float).reshape(-1), 2.0 * math.pi)
+        if len(self.hues) != len(self.faces):
+            raise ValueError(
+                f"SolidModel: {len(self.faces)} faces need as many hues, not {len(self.hues)}"
+            )
+        self.normals: Array = np.array([self._normal(face) for face in self.faces])
+        self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
+        self.edges, self.edge_faces = self._find_edges()
+        heights = np.einsum(
+            "fk,fvk->fv", self.normals, self.vertices[None] - self.centers[:, None]
+        )
+        if heights.max() > 1e-6 * np.ptp(self.vertices, axis=0).max():
+            raise ValueError(
+                "SolidModel: the solid is not convex (or a face is listed clockwise); hidden faces "
+                "are found by their normals alone, so only convex solids can be recognized"
+            )
+
+    @classmethod
+    def box(cls, size: ArrayLike, hues: ArrayLike) -> SolidModel:
+        """A box centered at the frame's origin, opposite faces of the same hue.
+
+        Args:
+            size: Side lengths along x, y, z [m], shape (3,).
+            hues: Hues [rad] of the faces normal to x, y, z, shape (3,).
+        """
+        hx, hy, hz = 0.5 * np.asarray(size, dtype=float)
+        vertices = [(x, y, z) for x in (-hx, hx) for y in (-hy, hy) for z in (-hz, hz)]
+        faces = [(4, 6, 7, 5), (0, 1, 3, 2), (2, 3, 7, 6), (0, 4, 5, 1), (1, 5, 7, 3), (0, 2, 6, 4)]
+        return cls(vertices, faces, np.repeat(np.asarray(hues, dtype=float), 2))
+
+    @classmethod
+    def from_mesh_file(cls, path: Path | str) -> SolidModel:
+        """Reads a convex mesh with one material a face, e.g. OBJ + MTL (meters).
+
+        Triangles that lie in one plane and share a color become one face.
+
+        Args:
+            path: The mesh file, of a format that `trimesh` reads with its materials.
+
+        Raises:
+            FileNotFoundError: When there is no such file.
+            ValueError: When a face is grey (it has no hue) or the solid is not convex.
+        """
+        import trimesh  # Slow to import, and needed here alone.
+
+        path = Path(path)
+        if not path.is_file():
+            raise FileNotFoundError(f"no mesh file {path}")
+        scene = trimesh.load_scene(path, process=False)
+        corners, hues = [], []
+        for mesh in scene.geometry.values():
+            color = np.asarray(mesh.visual.material.main_color, dtype=float)[:3] / 255.0
+            hue, saturation, _ = colorsys.rgb_to_hsv(*color)
+            if saturation < 0.5:
+                raise ValueError(
+                    f"{path}: a material has the grey color {tuple(color.round(2))}, which has no "
+                    "hue; every face of the target needs a saturated color"
+                )
+            corners.append(np.asarray(mesh.triangles))
+            hues.append(np.full(len(mesh.triangles), 2.0 * math.pi * hue))
+        return cls._from_triangles(np.concatenate(corners), np.concatenate(hues))
+
+    @classmethod
+    def _from_triangles(cls, triangles: Array, hues: Array) -> SolidModel:
+        """Merges coplanar triangles of one hue into convex faces with counterclockwise corners."""
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        distances = np.einsum("tk,tk->t", normals, triangles[:, 0])
+        keys = np.round(np.column_stack([normals, distances, hues]), 5) + 0.0
+        _, label = np.unique(keys, axis=0, return_inverse=True)
+        vertices, index = np.unique(
+            np.round(triangles.reshape(-1, 3), 9) + 0.0, axis=0, return_inverse=True
+        )
+        index = index.reshape(-1, 3)
+        faces, face_hues = [], []
+        for k in range(label.max() + 1):
+            members = np.flatnonzero(label.reshape(-1) == k)
+            ids = np.unique(index[members])
+            normal = normals[members[0]]
+            arm = vertices[ids] - vertices[ids].mean(axis=0)
+            # Sorting the corners by angle about the normal is right for convex faces.
+            first = arm[0] / np.linalg.norm(arm[0])
+            angle = np.arctan2(arm @ np.cross(normal, first), arm @ first)
+            faces.append(tuple(ids[np.argsort(angle)]))
+            face_hues.append(hues[members[0]])
+        return cls(vertices, faces, face_hues)
+
+    def _normal(self, face: Sequence[int]) -> Array:
+        """Outward unit normal of a face (Newell's method)."""
+        p = self.vertices[list(face)]
+        n = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
+        return np.asarray(n / np.linalg.norm(n))
+
+    def _find_edges(self) -> tuple[IntArray, IntArray]:
+        """Edges with the two faces that meet there."""
+        sides: dict[tuple[int, int], list[int]] = {}
+        for f, face in enumerate(self.faces):
+            for a, b in zip(face, (*face[1:], face[0]), strict=True):
+                sides.setdefault((min(a, b), max(a, b)), []).append(f)
+        if any(len(f) != 2 for f in sides.values()):
+            raise ValueError("SolidModel: not a closed solid: an edge has not exactly two faces")
+        return np.array(list(sides)), np.array(list(sides.values()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SamplingParameters:
+    """How densely a solid is sampled.
+
+    Attributes:
+        spacing: Largest distance between neighboring points on a face and along an edge [m].
+        margin: Distance of the outermost inside points from their face's edges [m]; None puts
+            the points at the centers of equal cells.
+        strip_offsets: Distances of the outside strip's rows from the silhouette [m].
+
+    Raises:
+        ValueError: When a length is not positive.
+    """
+
+    spacing: float = 0.020
+    margin: float | None = None
+    strip_offsets: tuple[float, ...] = (0.006,)
+
+    def __post_init__(self) -> None:
+        """Checks that every length is positive."""
+        if not self.spacing > 0:
+            raise ValueError(f"spacing must be positive, not {self.spacing} m")
+        if self.margin is not None and not self.margin > 0:
+            raise ValueError(f"margin must be positive or null, not {self.margin} m")
+        if not self.strip_offsets or min(self.strip_offsets) <= 0:
+            raise ValueError("strip_offsets must be one or more positive lengths [m]")
+
+
+class SearchModel:
+    """A sampled solid: S_in of Eq. (19), and the edge points from which S_out of Eq. (20) grows.
+
+    Args:
+        solid: The solid.
+        sampling: How densely to sample it.
+
+    Attributes:
+        solid: The solid.
+        inside_points: S_in in frame M [m], face by face, shape (P, 3).
+        inside_start: Where each face's points start in ``inside_points``, shape (F + 1,).
+        inside_distances: Each inside point's distances to its face's sides [m], shape (P, K), with
+            infinity beyond the last side of a face with fewer than K.
+        side_centers: Middle of each face's sides [m], shape (F, K, 3).
+        side_directions: Unit vectors along the sides, shape (F, K, 3).
+        edge_points: Points on the edges in frame M [m], edge by edge, shape (Q, 3).
+        edge_start: Where each edge's points start in ``edge_points``, shape (E + 1,).
+        edge_directions: Unit vectors along the edges, shape (E, 3).
+        strip_offsets: Distances of the strip's rows from the silhouette [m], shape (K,).
+
+    Example:
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> len(SearchModel(box).inside_points)    # 2 x (5 x 8 + 5 x 10 + 8 x 10)
+        340
+    """
+
+    def __init__(self, solid: SolidModel, sampling: SamplingParameters | None = None) -> None:
+        sampling = SamplingParameters() if sampling is None else sampling
+        self.solid = solid
+        inside = [_face_points(solid.vertices[list(face)], sampling) for face in solid.faces]
+        self.inside_points: Array = np.concatenate(inside)
+        self.inside_start: IntArray = np.cumsum([0, *map(len, inside)])
+        most_sides = max(map(len, solid.faces))
+        self.inside_distances: Array = np.full((len(self.inside_points), most_sides), np.inf)
+        self.side_centers: Array = np.zeros((len(solid.faces), most_sides, 3))
+        self.side_directions: Array = np.zeros((len(solid.faces), most_sides, 3))
+        for k, face in enumerate(solid.faces):
+            corners = solid.vertices[list(face)]
+            sides = np.roll(corners, -1, axis=0) - corners
+            directions = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+            self.side_centers[k, : len(face)] = corners + 0.5 * sides
+            self.side_directions[k, : len(face)] = directions
+            points = slice(*self.inside_start[k : k + 2])
+            inward = np.cross(solid.normals[k], directions)
+            self.inside_distances[points, : len(face)] = np.einsum(
+                "psk,sk->ps", self.inside_points[points, None] - corners, inward
+            )
+        ends = solid.vertices[solid.edges]
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        self.edge_directions: Array = (ends[:, 1] - ends[:, 0]) / lengths[:, None]
+        along = [
+            start + _cells(length, sampling.spacing)[:, None] * direction
+            for start, length, direction in zip(
+                ends[:, 0], lengths, self.edge_directions, strict=True
+            )
+        ]
+        self.edge_points: Array = np.concatenate(along)
+        self.edge_start: IntArray = np.cumsum([0, *map(len, along)])
+        self.strip_offsets: Array = np.array(sampling.strip_offsets)
+
+
+def _cells(length: float, spacing: float, margin: float | None = None) -> Array:
+    """Coordinates along a side: cell centers, or evenly from margin to length - margin."""
+    if margin is None:
+        n = max(1, math.ceil(length / spacing - 1e-9))
+        return (np.arange(n) + 0.5) * length / n
+    inner = length - 2.0 * margin
+    if inner <= 0:
+        return np.array([0.5 * length])
+    return np.linspace(margin, length - margin, math.ceil(inner / spacing - 1e-9) + 1)
+
+
+def _face_points(corners: Array, sampling: SamplingParameters) -> Array:
+    """Grid points of a convex face, aligned with its first edge."""
+    x = corners[1] - corners[0]
+    x /= np.linalg.norm(x)
+    arm = corners - corners[0]
+    normal = np.cross(arm[1:-1], arm[2:]).sum(axis=0)
+    normal /= np.linalg.norm(normal)
+    y = np.cross(normal, x)
+    polygon = np.column_stack([arm @ x, arm @ y])
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    u = low[0] + _cells(high[0] - low[0], sampling.spacing, sampling.margin)
+    v = low[1] + _cells(high[1] - low[1], sampling.spacing, sampling.margin)
+    grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    side = np.roll(polygon, -1, axis=0) - polygon
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    # Distance of every grid point to every side, positive on the inner (left) side.
+    to_point = grid[:, None] - polygon[None]
+    depth = side[None, :, 0] * to_point[..., 1] - side[None, :, 1] * to_point[..., 0]
+    least = 1e-9 if sampling.margin is None else sampling.margin - 1e-9
+    inside = grid[depth.min(axis=1) >= least]
+    if len(inside) == 0:
+        inside = polygon.mean(axis=0, keepdims=True)
+    return np.asarray(corners[0] + inside[:, :1] * x + inside[:, 1:] * y)
