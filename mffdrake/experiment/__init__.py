@@ -1,0 +1,1 @@
+"""What runs the hand-eye system and looks at it: scenarios, simulation, results, command line."""

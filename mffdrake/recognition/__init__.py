@@ -1,0 +1,47 @@
+"""Pose recognition in pure NumPy and compiled kernels: usable on any pair of images.
+
+Nothing here imports pydrake.
+"""
+
+from mffdrake.recognition.genetic import (
+    POSE_COORDINATES,
+    GeneCoding,
+    GeneticAlgorithm,
+    GeneticParameters,
+    SearchRange,
+)
+from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
+from mffdrake.recognition.matching import Matcher, MatchingParameters
+from mffdrake.recognition.solid_model import (
+    BLUE,
+    GREEN,
+    RED,
+    SamplingParameters,
+    SearchModel,
+    SolidModel,
+)
+from mffdrake.recognition.stereo import StereoCamera
+from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker, RandomStart
+
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "POSE_COORDINATES",
+    "RED",
+    "GeneCoding",
+    "Generation",
+    "GeneticAlgorithm",
+    "GeneticParameters",
+    "LocalMoveParameters",
+    "LocalMoves",
+    "Matcher",
+    "MatchingParameters",
+    "NearStart",
+    "OneStepGaTracker",
+    "RandomStart",
+    "SamplingParameters",
+    "SearchModel",
+    "SearchRange",
+    "SolidModel",
+    "StereoCamera",
+]

@@ -6,12 +6,19 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Image = NDArray[np.uint8]
 
 _SIXTY_DEGREES = math.pi / 3.0
 
 
 @njit(cache=True)
-def pixel_hue(red, green, blue, min_saturation, min_value):
+def pixel_hue(
+    red: np.uint8, green: np.uint8, blue: np.uint8, min_saturation: float, min_value: float
+) -> float:
     """Hue [rad] of an 8-bit pixel, or -1 where saturation or value is too low to have one."""
     high = max(red, green, blue)
     low = min(red, green, blue)
@@ -31,7 +38,7 @@ def pixel_hue(red, green, blue, min_saturation, min_value):
 
 
 @njit(cache=True)
-def _has_hue(hue, wanted, tolerance):
+def _has_hue(hue: float, wanted: float, tolerance: float) -> bool:
     """Whether a pixel's hue is within the tolerance of the wanted one, around the circle."""
     if hue < 0.0:
         return False
@@ -41,13 +48,36 @@ def _has_hue(hue, wanted, tolerance):
 
 @njit(cache=True)
 def fitness_of_poses(
-    poses, image_right, image_left, focal_length, baseline,
-    inside_points, inside_start, inside_distances, side_centers, side_directions,
-    normals, centers, hues,
-    edge_points, edge_start, edge_directions, edge_faces, strip_offsets, body_center,
-    hue_tolerance, min_saturation, min_value, min_cosine, min_border_distance,
-):  # fmt: skip
-    """Fitness (22) of many poses; the arguments are explained in `matching.Matcher`."""
+    poses: Array,
+    image_right: Image,
+    image_left: Image,
+    focal_length: float,
+    baseline: float,
+    inside_points: Array,
+    inside_start: IntArray,
+    inside_distances: Array,
+    side_centers: Array,
+    side_directions: Array,
+    normals: Array,
+    centers: Array,
+    hues: Array,
+    edge_points: Array,
+    edge_start: IntArray,
+    edge_directions: Array,
+    edge_faces: IntArray,
+    strip_offsets: Array,
+    body_center: Array,
+    hue_tolerance: float,
+    min_saturation: float,
+    min_value: float,
+    min_cosine: float,
+    min_border_distance: float,
+) -> Array:
+    """Fitness (22) of many poses.
+
+    The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
+    `SolidModel` and `MatchingParameters`.
+    """
     height, width = image_right.shape[0], image_right.shape[1]
     cu, cv = 0.5 * (width - 1), 0.5 * (height - 1)
     num_faces, num_edges = len(normals), len(edge_directions)
@@ -58,9 +88,21 @@ def fitness_of_poses(
     for i in range(len(poses)):
         x, y, z, e1, e2, e3 = poses[i]
         eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
-        R00, R01, R02 = 1 - 2 * (e2 * e2 + e3 * e3), 2 * (e1 * e2 - eta * e3), 2 * (e1 * e3 + eta * e2)
-        R10, R11, R12 = 2 * (e1 * e2 + eta * e3), 1 - 2 * (e1 * e1 + e3 * e3), 2 * (e2 * e3 - eta * e1)
-        R20, R21, R22 = 2 * (e1 * e3 - eta * e2), 2 * (e2 * e3 + eta * e1), 1 - 2 * (e1 * e1 + e2 * e2)
+        R00, R01, R02 = (
+            1 - 2 * (e2 * e2 + e3 * e3),
+            2 * (e1 * e2 - eta * e3),
+            2 * (e1 * e3 + eta * e2),
+        )
+        R10, R11, R12 = (
+            2 * (e1 * e2 + eta * e3),
+            1 - 2 * (e1 * e1 + e3 * e3),
+            2 * (e2 * e3 - eta * e1),
+        )
+        R20, R21, R22 = (
+            2 * (e1 * e3 - eta * e2),
+            2 * (e2 * e3 + eta * e1),
+            1 - 2 * (e1 * e1 + e2 * e2),
+        )
         total = 0.0
         for camera in range(2):
             image = image_right if camera == 0 else image_left
@@ -130,7 +172,9 @@ def fitness_of_poses(
                 dx, dy, dz = edge_directions[k]
                 nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
                 toward = (
-                    nx * (body_center[0] - a) + ny * (body_center[1] - b) + nz * (body_center[2] - c)
+                    nx * (body_center[0] - a)
+                    + ny * (body_center[1] - b)
+                    + nz * (body_center[2] - c)
                 )
                 norm = math.sqrt(nx * nx + ny * ny + nz * nz)
                 if toward > 0.0:

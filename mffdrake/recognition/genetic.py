@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.local_moves import LocalMoves
+
 Array = NDArray[np.float64]
 Bits = NDArray[np.uint8]
 
@@ -53,7 +55,7 @@ class SearchRange:
             bounds = getattr(self, name)
             if len(bounds) != 2 or not bounds[0] < bounds[1]:
                 raise ValueError(f"search_range: {name} must be [least, greatest], not {bounds}")
-            if name.startswith("eps") and not (-1 <= bounds[0] and bounds[1] <= 1):
+            if name.startswith("eps") and (min(bounds) < -1 or max(bounds) > 1):
                 raise ValueError(f"search_range: {name} must lie within [-1, 1], not {bounds}")
         if not self.z[0] > 0:
             raise ValueError(
@@ -116,7 +118,7 @@ class GeneCoding:
         if self.coding == "gray":
             genes ^= genes >> 1
         bits = (genes[..., None] >> np.arange(self.bits - 1, -1, -1)) & 1
-        return bits.astype(np.uint8).reshape(len(genes), 6 * self.bits)
+        return np.asarray(bits, dtype=np.uint8).reshape(len(genes), 6 * self.bits)
 
     def decode(self, bits: Bits) -> Array:
         """Pose vectors of bits: the inverse of `encode` up to the genes' resolution.
@@ -140,18 +142,16 @@ class GeneticParameters:
     """How a generation is bred.
 
     The best share of the population survives unchanged. The others are replaced by children: some
-    drawn around the best individual, some drawn anew over the whole search range, and the rest
-    two-point crossovers of two survivors whose bits then mutate. With ``local_share`` and
-    ``newcomer_share`` zero and ``first_candidates`` one this is the plain 1-step GA.
+    are small motions of the best individual (`LocalMoves`), some are drawn anew over the whole
+    search range, and the rest are two-point crossovers of two survivors whose bits then mutate.
+    With ``local_share`` and ``newcomer_share`` zero and ``first_candidates`` one this is the plain
+    1-step GA.
 
     Attributes:
         population_size: Number of hypotheses.
         survivor_share: Share of the population that survives.
         mutation_probability: Chance of each bit of a crossover child to flip.
-        local_share: Share of the children drawn around the best individual.
-        local_spread: Standard deviation of those, when the fitness is zero: position [m] and
-            quaternion component. It shrinks in proportion to one minus the fitness.
-        local_least: The standard deviation it shrinks to at a fitness of one.
+        local_share: Share of the children that are small motions of the best individual.
         newcomer_share: Share of the children drawn over the whole search range.
         first_candidates: The first population is the best of this many times its size.
 
@@ -163,8 +163,6 @@ class GeneticParameters:
     survivor_share: float = 0.5
     mutation_probability: float = 0.02
     local_share: float = 0.5
-    local_spread: tuple[float, float] = (0.050, 0.100)
-    local_least: tuple[float, float] = (0.001, 0.002)
     newcomer_share: float = 0.1
     first_candidates: int = 10
 
@@ -180,12 +178,6 @@ class GeneticParameters:
                 raise ValueError(f"{name} must be between 0 and 1, not {value}")
         if self.local_share + self.newcomer_share > 1.0:
             raise ValueError("local_share and newcomer_share together must not exceed 1")
-        for name in ("local_spread", "local_least"):
-            value = getattr(self, name)
-            if len(value) != 2 or min(value) < 0.0:
-                raise ValueError(
-                    f"{name} must be two lengths of at least 0 ([m], quaternion), not {value}"
-                )
 
 
 class GeneticAlgorithm:
@@ -194,18 +186,24 @@ class GeneticAlgorithm:
     Args:
         coding: The genes.
         parameters: How to breed.
+        local_moves: Draws the children around the best individual.
 
     Example:
-        >>> algorithm = GeneticAlgorithm(GeneCoding(), GeneticParameters())
+        >>> from mffdrake.recognition.local_moves import LocalMoveParameters
+        >>> moves = LocalMoves(np.zeros((1, 3)), np.zeros(3), LocalMoveParameters())
+        >>> algorithm = GeneticAlgorithm(GeneCoding(), GeneticParameters(), moves)
         >>> rng = np.random.default_rng(0)
         >>> first = algorithm.draw(60, rng)
         >>> algorithm.breed(first, np.linspace(1.0, 0.0, 60), rng).shape
         (60, 6)
     """
 
-    def __init__(self, coding: GeneCoding, parameters: GeneticParameters) -> None:
+    def __init__(
+        self, coding: GeneCoding, parameters: GeneticParameters, local_moves: LocalMoves
+    ) -> None:
         self.coding = coding
         self.parameters = parameters
+        self.local_moves = local_moves
         n = parameters.population_size
         self._num_survivors = min(n - 1, max(1, round(parameters.survivor_share * n)))
         children = n - self._num_survivors
@@ -228,10 +226,10 @@ class GeneticAlgorithm:
         bits = rng.integers(0, 2, size=(count, 6 * self.coding.bits), dtype=np.uint8)
         return self.coding.decode(bits)
 
-    def draw_around(
+    def draw_near(
         self, pose: ArrayLike, spread: ArrayLike, count: int, rng: np.random.Generator
     ) -> Array:
-        """Poses drawn around one, with independent normal deviations.
+        """Poses near a known one, with independent normal deviations of the coordinates.
 
         Args:
             pose: The center, shape (6,).
@@ -243,8 +241,9 @@ class GeneticAlgorithm:
             Pose vectors that the genes can represent, shape (count, 6).
         """
         deviation = np.repeat(np.asarray(spread, dtype=float), 3)
-        drawn = np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
-        return self._representable(drawn)
+        return self._representable(
+            np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
+        )
 
     def breed(self, poses: ArrayLike, fitness: ArrayLike, rng: np.random.Generator) -> Array:
         """The next generation, Eq. (27): survivors first, best first, then their children.
@@ -257,17 +256,14 @@ class GeneticAlgorithm:
         Returns:
             Pose vectors that the genes can represent, shape (N, 6).
         """
-        p = self.parameters
         fitness = np.asarray(fitness, dtype=float)
         order = np.argsort(-fitness, kind="stable")[: self._num_survivors]
         bits = self.coding.encode(np.asarray(poses, dtype=float)[order])
         survivors = self.coding.decode(bits)
-        mismatch = 1.0 - float(fitness[order[0]])
-        spread = np.array(p.local_least) + mismatch * np.array(p.local_spread)
         return np.concatenate(
             [
                 survivors,
-                self.draw_around(survivors[0], spread, self._num_local, rng),
+                self._representable(self.local_moves.draw(survivors[0], self._num_local, rng)),
                 self.draw(self._num_newcomers, rng),
                 self.coding.decode(self._cross_and_mutate(bits, rng)),
             ]

@@ -24,8 +24,8 @@ class MatchingParameters:
         min_saturation: Least saturation (0 to 1) of a pixel that has a hue; grey has none.
         min_value: Least value, i.e. brightness (0 to 1), of a pixel that has a hue.
         min_cosine: A face is visible above this cosine between its normal and the line from its
-            center to the camera. Keep it small: a larger one makes it pay for the search to turn
-            a face out of sight.
+            center to the camera. Keep it below 0.05: a larger one makes it pay for the search to
+            turn a face out of sight.
         min_border_distance: Inside points count only where they are at least this far from their
             face's borders in the image [px]. Nearer, the pixel may show the neighbor or a blend,
             so that the true pose of an obliquely seen face would not be the best one.
@@ -37,7 +37,7 @@ class MatchingParameters:
     hue_tolerance_deg: float = 20.0
     min_saturation: float = 0.5
     min_value: float = 0.2
-    min_cosine: float = 0.02
+    min_cosine: float = 0.0
     min_border_distance: float = 1.0
 
     def __post_init__(self) -> None:

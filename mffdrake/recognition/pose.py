@@ -108,6 +108,27 @@ def quaternion_vector(R: ArrayLike) -> Array:
     return np.asarray(sign * q[..., 1:])
 
 
+def compose_quaternion_vectors(a: ArrayLike, b: ArrayLike) -> Array:
+    """Vector part of the product of two unit quaternions, each given by its vector part.
+
+    Args:
+        a: Left factors, shape (..., 3).
+        b: Right factors, shape (..., 3), broadcast against ``a``.
+
+    Returns:
+        Vector parts, with the sign that makes the scalar part positive, shape (..., 3).
+
+    Example:
+        >>> compose_quaternion_vectors([0.6, 0.0, 0.0], [-0.6, 0.0, 0.0])
+        array([0., 0., 0.])
+    """
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    a0, b0 = quaternion_scalar(a)[..., None], quaternion_scalar(b)[..., None]
+    scalar = a0 * b0 - np.sum(a * b, axis=-1, keepdims=True)
+    vector = a0 * b + b0 * a + np.cross(a, b)
+    return np.asarray(np.where(scalar < 0, -vector, vector))
+
+
 def pose_from_transform(R_CM: ArrayLike, p_CM: ArrayLike) -> Array:
     """Pose vector of a rigid transform.
 
@@ -181,7 +202,9 @@ def quaternion_rate_matrix(eps: ArrayLike) -> Array:
     return np.asarray(0.5 * (quaternion_scalar(e)[..., None, None] * np.eye(3) - skew(e)))
 
 
-def camera_motion_jacobian(R_WC: ArrayLike, J_P: ArrayLike, J_O: ArrayLike, psi: ArrayLike) -> Array:
+def camera_motion_jacobian(
+    R_WC: ArrayLike, J_P: ArrayLike, J_O: ArrayLike, psi: ArrayLike
+) -> Array:
     """``J_M`` of Eq. (10): the pose rate that the joints' velocities cause.
 
     ``J_P`` and ``J_O`` are the Jacobians (7), (8) of the *camera* frame C in the world: with a
@@ -280,13 +303,56 @@ def transport_pose(psi: ArrayLike, R_DC: ArrayLike, p_DC: ArrayLike) -> Array:
     psi = np.asarray(psi, dtype=float)
     R_DC = np.asarray(R_DC, dtype=float)
     r, eps = psi[..., :3], psi[..., 3:]
-    a = quaternion_vector(R_DC)
-    a0, eta = quaternion_scalar(a), quaternion_scalar(eps)
-    # Quaternion product (a0, a) (eta, eps), with the sign that keeps the scalar part positive.
-    scalar = a0 * eta - eps @ a
-    vector = a0 * eps + eta[..., None] * a + np.cross(a, eps)
-    vector = np.where(scalar[..., None] < 0, -vector, vector)
-    return np.concatenate([r @ R_DC.T + np.asarray(p_DC, dtype=float), vector], axis=-1)
+    turned = compose_quaternion_vectors(quaternion_vector(R_DC), eps)
+    return np.concatenate([r @ R_DC.T + np.asarray(p_DC, dtype=float), turned], axis=-1)
+
+
+def rotate_by(rotation_vector: ArrayLike) -> Array:
+    """Vector part of the unit quaternion of a rotation vector.
+
+    Args:
+        rotation_vector: Axis times angle [rad], shape (..., 3).
+
+    Returns:
+        Vector parts, with the sign that makes the scalar part positive, shape (..., 3).
+
+    Example:
+        >>> rotate_by([np.pi / 3, 0.0, 0.0]).round(6)
+        array([0.5, 0. , 0. ])
+    """
+    v = np.asarray(rotation_vector, dtype=float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    # sinc is smooth at zero: sin(a/2)/a = sinc(a / 2 pi) / 2.
+    vector = 0.5 * np.sinc(angle / (2.0 * np.pi)) * v
+    return np.asarray(np.where(np.cos(0.5 * angle) < 0, -vector, vector))
+
+
+def move_target(
+    psi: ArrayLike, R_WC: ArrayLike, v_WM: ArrayLike, w_WM: ArrayLike, dt: float
+) -> Array:
+    """The pose after the target's own motion at constant velocity, seen from a fixed camera.
+
+    The exact form of Eq. (12)'s ``J_N`` term.
+
+    Args:
+        psi: Pose vectors, shape (..., 6).
+        R_WC: Camera's orientation, shape (3, 3).
+        v_WM: Target's linear velocity in the world [m/s], shape (3,).
+        w_WM: Target's angular velocity in the world [rad/s], shape (3,).
+        dt: Time [s].
+
+    Returns:
+        Pose vectors, shape (..., 6).
+
+    Example:
+        >>> move_target(np.zeros(6), np.eye(3), [1.0, 0, 0], np.zeros(3), 0.1)[0]
+        np.float64(0.1)
+    """
+    psi = np.asarray(psi, dtype=float)
+    R_CW = np.asarray(R_WC, dtype=float).T
+    v, w = np.asarray(v_WM, dtype=float), np.asarray(w_WM, dtype=float)
+    turned = compose_quaternion_vectors(rotate_by(dt * R_CW @ w), psi[..., 3:])
+    return np.concatenate([psi[..., :3] + dt * R_CW @ v, turned], axis=-1)
 
 
 def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
@@ -303,8 +369,7 @@ def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
         >>> round(float(rotation_angle([0, 0, 0], [np.sin(0.1), 0, 0])), 6)
         0.2
     """
-    a, b = np.asarray(eps_a, dtype=float), np.asarray(eps_b, dtype=float)
-    eta_a, eta_b = quaternion_scalar(a), quaternion_scalar(b)
-    vector = eta_a[..., None] * b - eta_b[..., None] * a - np.cross(a, b)
-    scalar = eta_a * eta_b + np.sum(a * b, axis=-1)
-    return np.asarray(2.0 * np.arctan2(np.linalg.norm(vector, axis=-1), np.abs(scalar)))
+    between = compose_quaternion_vectors(-np.asarray(eps_a, dtype=float), eps_b)
+    return np.asarray(
+        2.0 * np.arctan2(np.linalg.norm(between, axis=-1), quaternion_scalar(between))
+    )

@@ -62,9 +62,7 @@ class SolidModel:
         self.normals: Array = np.array([self._normal(face) for face in self.faces])
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
         self.edges, self.edge_faces = self._find_edges()
-        heights = np.einsum(
-            "fk,fvk->fv", self.normals, self.vertices[None] - self.centers[:, None]
-        )
+        heights = np.einsum("fk,fvk->fv", self.normals, self.vertices[None] - self.centers[:, None])
         if heights.max() > 1e-6 * np.ptp(self.vertices, axis=0).max():
             raise ValueError(
                 "SolidModel: the solid is not convex (or a face is listed clockwise); hidden faces "
@@ -173,8 +171,8 @@ class SamplingParameters:
     """
 
     spacing: float = 0.020
-    margin: float | None = None
-    strip_offsets: tuple[float, ...] = (0.006,)
+    margin: float | None = 0.002
+    strip_offsets: tuple[float, ...] = (0.002, 0.008)
 
     def __post_init__(self) -> None:
         """Checks that every length is positive."""
@@ -208,7 +206,8 @@ class SearchModel:
 
     Example:
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-        >>> len(SearchModel(box).inside_points)    # 2 x (5 x 8 + 5 x 10 + 8 x 10)
+        >>> cells = SamplingParameters(margin=None)
+        >>> len(SearchModel(box, cells).inside_points)    # 2 x (5 x 8 + 5 x 10 + 8 x 10)
         340
     """
 

@@ -1,0 +1,101 @@
+"""Small random motions of a pose, along the directions that a stereo match confuses.
+
+Independent steps of the six coordinates seldom improve a nearly right pose, because the errors of a
+nearly right match are coupled: a solid that is too near must move along the line of sight and
+sideways at once to stay matched in both images, and one that is tilted wrongly was turned about
+the face that still matches, not about its center. These moves follow that geometry: they turn the
+solid about one of its face centers, move it along the line of sight of the middle between the
+cameras, and shift it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_matrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalMoveParameters:
+    """How far the moves go.
+
+    Attributes:
+        depth: Standard deviation of the motion along the line of sight [m].
+        shift: Standard deviation of the shift along each axis [m].
+        rotation_deg: Standard deviation of the rotation about each axis [deg].
+        decades: Every move has a size of its own, by a factor spread evenly in the logarithm over
+            so many decades below one: there are always some large and some small moves.
+        sparsity: Chance of each of a move's seven components to be left out.
+
+    Raises:
+        ValueError: When a parameter is outside its range.
+    """
+
+    depth: float = 0.200
+    shift: float = 0.040
+    rotation_deg: float = 34.0
+    decades: float = 2.0
+    sparsity: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name in ("depth", "shift", "rotation_deg", "decades"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"local_moves: {name} must be at least 0, not {value}")
+        if not 0.0 <= self.sparsity < 1.0:
+            raise ValueError(
+                f"local_moves: sparsity must be from 0 to below 1, not {self.sparsity}"
+            )
+
+
+class LocalMoves:
+    """Draws poses around a given one.
+
+    Args:
+        pivots: Points of the solid in its frame M [m] about which it is turned, shape (K, 3).
+        p_CS: The point in the camera frame C between the two cameras [m], shape (3,).
+        parameters: How far the moves go.
+
+    Example:
+        >>> moves = LocalMoves(np.zeros((1, 3)), np.zeros(3), LocalMoveParameters())
+        >>> moves.draw([0.0, 0.155, 0.8, 0.0, 0.0, 0.0], 5, np.random.default_rng(0)).shape
+        (5, 6)
+    """
+
+    def __init__(self, pivots: ArrayLike, p_CS: ArrayLike, parameters: LocalMoveParameters) -> None:
+        self.pivots: Array = np.asarray(pivots, dtype=float).reshape(-1, 3)
+        self.p_CS: Array = np.asarray(p_CS, dtype=float)
+        self.parameters = parameters
+
+    def draw(self, pose: ArrayLike, count: int, rng: np.random.Generator) -> Array:
+        """Poses around one.
+
+        Args:
+            pose: Pose vector, shape (6,).
+            count: How many.
+            rng: Source of randomness.
+
+        Returns:
+            Pose vectors, shape (count, 6).
+        """
+        p = self.parameters
+        pose = np.asarray(pose, dtype=float)
+        r, eps = pose[:3], pose[3:]
+        size = 10.0 ** (-p.decades * rng.random((count, 1)))
+        step = size * rng.standard_normal((count, 7)) * (rng.random((count, 7)) >= p.sparsity)
+        # A rotation vector's half is the quaternion's vector part, to first order.
+        turn = 0.5 * math.radians(p.rotation_deg) * step[:, :3]
+        turn /= np.maximum(1.0, np.linalg.norm(turn, axis=1, keepdims=True))
+        arm = self.pivots[rng.integers(0, len(self.pivots), size=count)] @ rotation_matrix(eps).T
+        turned = r + arm - np.einsum("nij,nj->ni", rotation_matrix(turn), arm)
+        sight = r - self.p_CS
+        sight = sight / np.linalg.norm(sight)
+        moved = turned + p.depth * step[:, 3:4] * sight + p.shift * step[:, 4:]
+        return np.concatenate([moved, compose_quaternion_vectors(turn, eps)], axis=1)

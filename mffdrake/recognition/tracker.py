@@ -1,0 +1,177 @@
+"""One frame of the 1-step GA: images and a predicted population in, the best pose out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
+from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
+from mffdrake.recognition.matching import Image, Matcher
+
+Array = NDArray[np.float64]
+
+
+class Start(Protocol):
+    """Draws the candidates for the first population."""
+
+    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
+        """Pose vectors, shape (at least the population's size, 6)."""
+        ...
+
+
+@dataclass(frozen=True)
+class RandomStart:
+    """A first population over the whole search range: nothing is known of the pose."""
+
+    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
+        """Pose vectors drawn evenly over the search range."""
+        p = algorithm.parameters
+        return algorithm.draw(p.population_size * p.first_candidates, rng)
+
+
+@dataclass(frozen=True)
+class NearStart:
+    """A first population around a pose that is roughly known.
+
+    Attributes:
+        pose: The pose vector, shape (6,).
+        spread: Standard deviations of the position [m] and of the quaternion.
+    """
+
+    pose: ArrayLike
+    spread: tuple[float, float] = (0.010, 0.020)
+
+    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
+        """Pose vectors drawn around the known one."""
+        count = algorithm.parameters.population_size
+        return algorithm.draw_near(self.pose, self.spread, count, rng)
+
+
+@dataclass(frozen=True)
+class Generation:
+    """A scored population, best first.
+
+    Attributes:
+        poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
+        fitness: Their fitness, in descending order, shape (N,).
+    """
+
+    poses: Array
+    fitness: Array
+
+    @property
+    def best(self) -> Array:
+        """The recognized pose, Eq. (25): the individual of highest fitness, shape (6,)."""
+        best: Array = self.poses[0]
+        return best
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneStepGaTracker:
+    """The 1-step GA, Eq. (27): a fixed number of generations (one) on every frame's images.
+
+    It holds parameters only. What it carries from frame to frame is the `Generation`, which the
+    caller keeps; random numbers depend on the seed and the frame's number alone. So the same
+    arguments always give the same result.
+
+    Attributes:
+        matcher: Scores poses on images.
+        coding: The genes.
+        parameters: How a generation is bred.
+        local_moves: How far the small motions go.
+        generations_per_frame: Generations on one frame's images; the paper's 1.
+        start: Draws the first population.
+        seed: Of the random numbers, at least 0.
+
+    Raises:
+        ValueError: When ``generations_per_frame`` or ``seed`` is out of range.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel, StereoCamera
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> tracker = OneStepGaTracker(matcher=Matcher(SearchModel(box), StereoCamera()))
+        >>> image = np.zeros((480, 640, 3), dtype=np.uint8)
+        >>> first = tracker.start_population(image, image)
+        >>> second = tracker.track(first, image, image, frame=1)
+        >>> second.best.shape
+        (6,)
+    """
+
+    matcher: Matcher
+    coding: GeneCoding = field(default_factory=GeneCoding)
+    parameters: GeneticParameters = field(default_factory=GeneticParameters)
+    local_moves: LocalMoveParameters = field(default_factory=LocalMoveParameters)
+    generations_per_frame: int = 1
+    start: Start = field(default_factory=RandomStart)
+    seed: int = 0
+    _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Checks the parameters and puts the algorithm together."""
+        if self.generations_per_frame < 1:
+            raise ValueError(
+                f"generations_per_frame must be at least 1, not {self.generations_per_frame}"
+            )
+        if self.seed < 0:
+            raise ValueError(f"seed must be at least 0, not {self.seed}")
+        solid = self.matcher.search_model.solid
+        center = solid.vertices.mean(axis=0, keepdims=True)
+        moves = LocalMoves(
+            np.concatenate([center, solid.centers]),
+            0.5 * self.matcher.camera.p_CL,
+            self.local_moves,
+        )
+        algorithm = GeneticAlgorithm(self.coding, self.parameters, moves)
+        object.__setattr__(self, "_algorithm", algorithm)
+
+    def start_population(
+        self, image_right: Image, image_left: Image, *, frame: int = 0
+    ) -> Generation:
+        """Draws and scores the first population.
+
+        Args:
+            image_right: Right camera's image, uint8, shape (height, width, 3 or 4).
+            image_left: Left camera's image, likewise.
+            frame: Number of the frame, which the random numbers depend on.
+
+        Returns:
+            The best of the drawn candidates, as many as the population has.
+        """
+        candidates = self.start.draw(self._algorithm, self._rng(frame))
+        return self._select(candidates, image_right, image_left)
+
+    def track(
+        self, generation: Generation, image_right: Image, image_left: Image, *, frame: int
+    ) -> Generation:
+        """Advances by one frame.
+
+        Args:
+            generation: The last frame's population, its poses carried to this frame (Eq. (23)) or,
+                without motion feedforward, as they were.
+            image_right: Right camera's image, uint8, shape (height, width, 3 or 4).
+            image_left: Left camera's image, likewise.
+            frame: Number of the frame, which the random numbers depend on.
+
+        Returns:
+            The next population, scored on these images.
+        """
+        rng = self._rng(frame)
+        for _ in range(self.generations_per_frame):
+            candidates = self._algorithm.breed(generation.poses, generation.fitness, rng)
+            generation = self._select(candidates, image_right, image_left)
+        return generation
+
+    def _select(self, candidates: Array, image_right: Image, image_left: Image) -> Generation:
+        """Scores candidates and keeps the best, as many as the population has."""
+        fitness = self.matcher.fitness(candidates, image_right, image_left)
+        # A stable order makes equals keep their places: survivors stay before their children.
+        order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
+        return Generation(candidates[order], fitness[order])
+
+    def _rng(self, frame: int) -> np.random.Generator:
+        """A counter-based generator: its only state is the seed and the frame's number."""
+        return np.random.Generator(np.random.Philox(key=[self.seed, frame]))

@@ -1,0 +1,165 @@
+"""The 1-step GA as a Drake system: one generation on every frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
+
+from mffdrake.recognition import Generation, OneStepGaTracker
+from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.systems.timing import Timing
+
+__all__ = ["OneStepGaRecognizer"]
+
+
+class OneStepGaRecognizer(LeafSystem):
+    """Recognizes the target's pose in stereo images, one generation of a GA a frame.
+
+    .. pydrake_system::
+
+        name: OneStepGaRecognizer
+        input_ports:
+        - color_image_right
+        - color_image_left
+        - predicted_population (optional)
+        output_ports:
+        - pose
+        - X_CM
+        - fitness
+        - population
+        - population_fitness
+        - frame_time
+
+    At every frame (each ``timing.vision_period``, from time 0) it reads the images and takes one
+    step of its tracker. Its population comes from ``predicted_population`` where that is connected
+    (`MffPredictor` computes it from ``population``), and otherwise from its own last frame: that is
+    the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
+
+    All of its state is numeric and discrete: the number of frames so far, the last one's time,
+    poses and fitness. Outputs depend on the state alone, so the loop through a predictor is none.
+
+    Ports:
+        color_image_right: ImageRgba8U of the right camera (frame C).
+        color_image_left: ImageRgba8U of the left camera.
+        predicted_population: The N hypotheses carried to the present frame, shape (6 N,).
+        pose: Recognized pose vector ``(r [m], eps)`` in frame C, shape (6,). Before the first frame
+            it is the center of the search range.
+        X_CM: The same as a RigidTransform.
+        fitness: Its fitness, 0 to 1; before the first frame 0.
+        population: All hypotheses after the last frame, best first, shape (6 N,).
+        population_fitness: Their fitness, shape (N,).
+        frame_time: Time of the last frame [s]; before the first one NaN.
+
+    Args:
+        tracker: The algorithm, with all of its parameters.
+        timing: Control and vision periods.
+
+    Raises:
+        RuntimeError: At a frame, when an image port is not connected.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, Matcher, SearchModel, SolidModel
+        >>> from mffdrake.recognition import StereoCamera
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), StereoCamera())
+        >>> recognizer = OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
+        >>> context = recognizer.CreateDefaultContext()
+        >>> for side in ("right", "left"):
+        ...     _ = recognizer.GetInputPort(f"color_image_{side}").FixValue(
+        ...         context, ImageRgba8U(640, 480))
+        >>> recognizer.CalcForcedDiscreteVariableUpdate(
+        ...     context, context.get_mutable_discrete_state())
+        >>> recognizer.GetOutputPort("frame_time").Eval(context)
+        array([0.])
+    """
+
+    def __init__(self, *, tracker: OneStepGaTracker, timing: Timing | None = None) -> None:
+        super().__init__()
+        self._tracker = tracker
+        self._timing = Timing() if timing is None else timing
+        n = tracker.parameters.population_size
+
+        image = AbstractValue.Make(ImageRgba8U())
+        self._image_right = self.DeclareAbstractInputPort("color_image_right", image)
+        self._image_left = self.DeclareAbstractInputPort("color_image_left", image)
+        self._predicted = self.DeclareVectorInputPort("predicted_population", 6 * n)
+
+        center = 0.5 * (tracker.coding.search_range.lower + tracker.coding.search_range.upper)
+        self._num_frames = self.DeclareDiscreteState(1)
+        self._frame_time = self.DeclareDiscreteState([math.nan])
+        self._poses = self.DeclareDiscreteState(np.tile(center, n))
+        self._fitness = self.DeclareDiscreteState(n)
+
+        # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
+        from_poses = {self.discrete_state_ticket(self._poses)}
+        from_fitness = {self.discrete_state_ticket(self._fitness)}
+        self.DeclareVectorOutputPort("pose", 6, self._CalcPose, from_poses)
+        self.DeclareAbstractOutputPort(
+            "X_CM", lambda: AbstractValue.Make(RigidTransform()), self._CalcTransform, from_poses
+        )
+        self.DeclareVectorOutputPort("fitness", 1, self._CalcFitness, from_fitness)
+        self.DeclareStateOutputPort("population", self._poses)
+        self.DeclareStateOutputPort("population_fitness", self._fitness)
+        self.DeclareStateOutputPort("frame_time", self._frame_time)
+
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            self._timing.control_period, 0.0, self._UpdateOnVisionTick
+        )
+        self.DeclareForcedDiscreteUpdateEvent(self._TakeFrame)
+
+    @property
+    def num_hypotheses(self) -> int:
+        """Number N of hypotheses in the population."""
+        return self._tracker.parameters.population_size
+
+    def _UpdateOnVisionTick(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self._timing.IsVisionTick(context.get_time()):
+            self._TakeFrame(context, discrete_state)
+
+    def _TakeFrame(self, context: Context, discrete_state: DiscreteValues) -> None:
+        right, left = (
+            self._Image(context, self._image_right),
+            self._Image(context, self._image_left),
+        )
+        frame = int(context.get_discrete_state(self._num_frames).value()[0])
+        if frame == 0:
+            generation = self._tracker.start_population(right, left, frame=frame)
+        else:
+            fitness = context.get_discrete_state(self._fitness).value()
+            last = Generation(self._CarriedPoses(context), fitness)
+            generation = self._tracker.track(last, right, left, frame=frame)
+        discrete_state.set_value(self._num_frames, [frame + 1])
+        discrete_state.set_value(self._frame_time, [context.get_time()])
+        discrete_state.set_value(self._poses, generation.poses.reshape(-1))
+        discrete_state.set_value(self._fitness, generation.fitness)
+
+    def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
+        """The last frame's hypotheses: predicted where a predictor is connected."""
+        if self._predicted.HasValue(context):
+            return self._predicted.Eval(context).reshape(-1, 6)
+        return context.get_discrete_state(self._poses).value().reshape(-1, 6)
+
+    def _Image(self, context: Context, port) -> NDArray[np.uint8]:
+        """A port's pixels: a view, valid until the next rendering."""
+        if not port.HasValue(context):
+            raise RuntimeError(
+                f"{self.get_name() or type(self).__name__}: input port '{port.get_name()}' is not "
+                "connected; connect it to an RgbdSensor's color_image or fix its value"
+            )
+        return port.Eval(context).data
+
+    def _CalcPose(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._poses).value()[:6])
+
+    def _CalcTransform(self, context: Context, output: AbstractValue) -> None:
+        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
+        output.set_value(RigidTransform(RotationMatrix(R), p))
+
+    def _CalcFitness(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])
