@@ -32,7 +32,7 @@ _FREE = [i for i in range(NUM_JOINTS) if i != _S3]  # S3 resolves the redundancy
 _MARGIN = 0.1  # [s] of trajectory after the end, so that a source has a value at the end's ulp.
 _PHASE_STEP = 0.02  # [rad] of the path's phase omega t from knot to knot,
 _MAX_STEP = 0.1  # but at most this time,
-_MIN_STEP = 0.001  # and at least this time [s].
+_MIN_STEP = 0.001  # Knots nearer than this [s] help nobody.
 _CONVERGED = 1e-10  # Pose error of a solution [m, rad].
 _MIDWAY_ERROR = 1e-6  # Largest pose error halfway between two knots [m, rad].
 _POSITION_REMEDY = "Reduce the path's amplitude or distance, or move X_WE0."
@@ -166,13 +166,19 @@ class _Arm:
 
     def SolvePose(self, X_WE: RigidTransform, guess: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joint angles (7,) near ``guess`` that put the hand at ``X_WE``, or as near as it gets."""
-        q = np.array(guess)
-        for _ in range(50):
-            error = self.CalcPoseError(q, X_WE)
+        q = guess
+        error = self.CalcPoseError(q, X_WE)
+        factor = 1e-2
+        for _ in range(100):
             if np.max(np.abs(error)) < _CONVERGED:
                 break
-            step = self.SolveStep(q, error, 1e-2 * float(error @ error) + 1e-14)
-            q += np.clip(step, -0.5, 0.5)
+            damping = factor * float(error @ error)  # It vanishes at the solution.
+            trial = q + np.clip(self.SolveStep(q, error, damping + 1e-14), -0.5, 0.5)
+            trial_error = self.CalcPoseError(trial, X_WE)
+            if trial_error @ trial_error < error @ error:
+                q, error, factor = trial, trial_error, max(0.1 * factor, 1e-2)
+            else:
+                factor *= 10.0
         return q
 
     def CheckPose(self, q: NDArray[np.float64], X_WE: RigidTransform, t: float) -> None:
@@ -180,11 +186,10 @@ class _Arm:
         where = f"hand path not reachable at t = {t:.2f} s:"
         error = np.abs(self.CalcPoseError(q, X_WE))
         if np.max(error) > 10.0 * _CONVERGED:
-            stretched = "the arm is fully stretched, " if abs(q[_E1]) < 0.1 else ""
             raise UnreachablePathError(
-                f"{where} no inverse-kinematics solution ({stretched}the hand stays "
+                f"{where} no inverse-kinematics solution{self._DescribeElbow(q)}; the hand stays "
                 f"{1e3 * np.linalg.norm(error[3:]):.3g} mm and "
-                f"{math.degrees(np.linalg.norm(error[:3])):.2g} deg off). {_POSITION_REMEDY}"
+                f"{math.degrees(np.linalg.norm(error[:3])):.2g} deg off. {_POSITION_REMEDY}"
             )
         for i, name in enumerate(JOINT_NAMES):
             if not self.lower[i] <= q[i] <= self.upper[i]:
@@ -194,16 +199,20 @@ class _Arm:
                     f"(it needs {q[i]:.3f} rad). {_POSITION_REMEDY}"
                 )
 
-    def CheckRate(self, rate: NDArray[np.float64], t: float) -> None:
+    def CheckRate(self, q: NDArray[np.float64], rate: NDArray[np.float64], t: float) -> None:
         """Raises when a joint velocity is beyond its limit."""
         excess = np.abs(rate) / self.speed
         i = int(np.argmax(excess))
         if excess[i] > 1.0:
             raise UnreachablePathError(
                 f"hand path too fast at t = {t:.2f} s: joint {JOINT_NAMES[i]} would pass its "
-                f"velocity limit {self.speed[i]:.4g} rad/s (it needs {abs(rate[i]):.4g} rad/s). "
-                f"{_VELOCITY_REMEDY}"
+                f"velocity limit {self.speed[i]:.4g} rad/s (it needs {abs(rate[i]):.4g} rad/s)"
+                f"{self._DescribeElbow(q)}. "
+                f"{_POSITION_REMEDY if self._DescribeElbow(q) else _VELOCITY_REMEDY}"
             )
+
+    def _DescribeElbow(self, q: NDArray[np.float64]) -> str:
+        return ", as the arm is almost stretched" if abs(q[_E1]) < 0.4 else ""
 
     def SolveStart(self, X_WE: RigidTransform) -> NDArray[np.float64]:
         """Joint angles, elbow up, of the path's first pose, which may be far from the nominal."""
@@ -266,44 +275,55 @@ def SolveHandPath(
     arm = _Arm(plant, frame_name)
     start = arm.SolveStart(path.CalcHandPose(0.0))
     span = duration + _MARGIN
-    step = _PHASE_STEP / path.omega if path.omega > 0.0 else _MAX_STEP
-    num_steps = math.ceil(span / min(max(step, _MIN_STEP), _MAX_STEP))
+    # The joints repeat their motion with every swing: solve for one only.
+    swing, step = _MAX_STEP, _MAX_STEP
+    if path.omega > 0.0:
+        swing = min(span, 2.0 * math.pi / path.omega)
+        step = max(_MIN_STEP, min(_MAX_STEP, _PHASE_STEP / path.omega))
+    num_steps = math.ceil(swing / step)
     while True:
-        times = np.linspace(0.0, span, num_steps + 1)
-        trajectory = _March(arm, path, start, times)
-        midway = 0.5 * (times[1:] + times[:-1])
-        positions = trajectory.vector_values(midway).T
+        step = swing / num_steps
+        knots, rates = _March(arm, path, start, step, num_steps)
+        # All knots until the end; the last of a whole swing is the first of the next one.
+        num_knots = num_steps if swing < span else num_steps + 1
+        index = np.arange(math.ceil(span / step - 1e-9) + 1) % num_knots
+        trajectory = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+            step * np.arange(len(index)),
+            knots[index].T,
+            rates[index[:1]].T,
+            rates[index[-1:]].T,
+        )
+        midway = step * (np.arange(num_steps) + 0.5)
         errors = [
             np.max(np.abs(arm.CalcPoseError(q, path.CalcHandPose(t))))
-            for q, t in zip(positions, midway, strict=True)
+            for q, t in zip(trajectory.vector_values(midway).T, midway, strict=True)
         ]
-        if max(errors) < _MIDWAY_ERROR or span / num_steps <= _MIN_STEP:
+        if max(errors) < _MIDWAY_ERROR or step <= _MIN_STEP:
             return trajectory
         num_steps *= 2
 
 
 def _March(
-    arm: _Arm, path: HandPath, start: NDArray[np.float64], times: NDArray[np.float64]
-) -> PiecewisePolynomial:
-    """The spline through the solutions at some times, each found from the one before."""
-    step = times[1] - times[0]
-    knots, rates = [], []
-    for t in times:
+    arm: _Arm, path: HandPath, start: NDArray[np.float64], step: float, num_steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Joint angles and velocities at ``num_steps + 1`` times, each found from the one before."""
+    knots: list[NDArray[np.float64]] = []
+    rates: list[NDArray[np.float64]] = []
+    for k in range(num_steps + 1):
+        t = k * step
         X_WE = path.CalcHandPose(t)
         q = start
         if knots:  # Adams-Bashforth from the last two knots.
-            q = knots[-1] + step * (1.5 * rates[-1] - 0.5 * rates[max(len(rates) - 2, 0)])
+            q = knots[-1] + step * (1.5 * rates[-1] - 0.5 * rates[max(k - 2, 0)])
         q = arm.SolvePose(X_WE, q)
         arm.CheckPose(q, X_WE, t)
         rate = arm.CalcRate(q, path.CalcHandVelocity(t))
-        arm.CheckRate(rate, t)
+        arm.CheckRate(q, rate, t)
         if knots:  # A jump to another branch of solutions shows here.
-            arm.CheckRate((q - knots[-1]) / step, t)
+            arm.CheckRate(q, (q - knots[-1]) / step, t)
         knots.append(q)
         rates.append(rate)
-    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-        times, np.array(knots).T, rates[0][:, np.newaxis], rates[-1][:, np.newaxis]
-    )
+    return np.array(knots), np.array(rates)
 
 
 def AddHandPathSource(

@@ -114,6 +114,11 @@ class OneStepGaRecognizer(LeafSystem):
         self.DeclareForcedDiscreteUpdateEvent(self._TakeFrame)
 
     @property
+    def tracker(self) -> OneStepGaTracker:
+        """The algorithm, with all of its parameters."""
+        return self._tracker
+
+    @property
     def num_hypotheses(self) -> int:
         """Number N of hypotheses in the population."""
         return self._tracker.parameters.population_size

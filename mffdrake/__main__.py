@@ -1,0 +1,8 @@
+"""``python -m mffdrake``: the command line."""
+
+import sys
+
+from mffdrake.experiment.main import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,179 @@
+"""What the commands of the command line do."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Diagram
+from tqdm import tqdm
+
+from mffdrake.experiment.comparison import Compare, MakeVariants
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
+from mffdrake.experiment.files import MakeOutputFolder
+from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
+from mffdrake.experiment.plotting import (
+    PlotComparison,
+    PlotErrors,
+    PlotHandPath,
+    PlotPose,
+    SaveFigure,
+)
+from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.visualization import SaveReplay
+from mffdrake.systems.graphics import GraphicsUnavailableError
+from mffdrake.systems.hand_path import UnreachablePathError
+
+__all__ = ["RunCommand", "UserError"]
+
+_log = logging.getLogger("mffdrake")
+
+
+class UserError(Exception):
+    """Something that the person at the command line can mend."""
+
+
+def RunCommand(options: argparse.Namespace) -> None:
+    """Runs a command.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Raises:
+        UserError: On bad input; the message is for the person who gave it.
+    """
+    try:
+        _CheckFiles(options)
+        scenario = _LoadScenario(options)
+        folder = MakeOutputFolder(options.out)
+        {"run": _Run, "compare": _Compare}[options.command](options, scenario, folder)
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        raise UserError(f"{name}{error.strerror or error}") from error
+    except (ScenarioError, UnreachablePathError, GraphicsUnavailableError) as error:
+        raise UserError(str(error)) from error
+
+
+def _CheckFiles(options: argparse.Namespace) -> None:
+    """Finds out before any long work whether the wanted files can be written."""
+    for option, path, suffixes in (
+        ("--graphviz", options.graphviz, (".svg", ".png")),
+        ("--replay", options.replay, (".html",)),
+    ):
+        if path is None:
+            continue
+        if Path(path).suffix not in suffixes:
+            raise UserError(f"{option} {path}: the file must end in {' or '.join(suffixes)}")
+        MakeOutputFolder(Path(path).parent)
+
+
+def _LoadScenario(options: argparse.Namespace) -> Scenario:
+    """The scenario's file and text, with the single options on top."""
+    scenario = LoadScenario(options.scenario_file, options.scenario_text)
+    for name in ("duration", "seed", "renderer", "method"):
+        value = getattr(options, name, None)
+        if value is not None:
+            setattr(scenario, name, value)
+    if options.command == "run" and options.omega is not None:
+        scenario.hand_path.omega = options.omega
+    scenario.Validate()
+    return scenario
+
+
+def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
+    diagram, result = _SimulateWithReplay(options, scenario)
+    row = Evaluate(result)
+    result.Save(folder / "result.npz")
+    WriteResults([row], folder)
+    SaveFigure(PlotHandPath(result), folder / "hand_path.png")
+    SaveFigure(PlotPose([result]), folder / "pose.png")
+    SaveImage(DrawCameraView(diagram, scenario, result), folder / "camera.png")
+    SaveImage(DrawScene(diagram, result), folder / "scene.png")
+    print(MarkdownTable([row]))
+    stages = ", ".join(f"{name} {ms:.2f}" for name, ms in row["stages_ms"].items())
+    print(f"Wall time a frame [ms]: {stages}.")
+    _log.info("results in %s", folder)
+
+
+def _SimulateWithReplay(
+    options: argparse.Namespace, scenario: Scenario
+) -> tuple[Diagram, SimulationResult]:
+    """One simulation with a progress bar, drawn and recorded where that is wanted."""
+    meshcat = Meshcat() if options.replay else None
+    diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)
+    if options.graphviz:
+        SaveDiagram(diagram, options.graphviz)
+    if meshcat is not None:
+        meshcat.StartRecording(set_visualizations_while_recording=False)
+    with _TimeBar(scenario.duration) as on_frame:
+        result = Simulate(scenario, diagram=diagram, on_frame=on_frame)
+    if meshcat is not None:
+        SaveReplay(meshcat, options.replay)
+    return diagram, result
+
+
+def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
+    variants = MakeVariants(
+        scenario,
+        methods=list(dict.fromkeys(options.methods)),
+        omegas=list(dict.fromkeys(options.omega)),
+        num_seeds=options.seeds,
+    )
+    # The first diagram of every speed is built now, so that bad input shows before any long work.
+    firsts = list({variant.hand_path.omega: variant for variant in variants[::-1]}.values())
+    diagrams = [MakeHandEyeDiagram(variant) for variant in firsts]
+    if options.graphviz:
+        last = variants[-1]
+        SaveDiagram(MakeHandEyeDiagram(last), options.graphviz)
+    del diagrams
+    with _RunBar(len(variants)) as on_result:
+        results = Compare(variants, workers=options.workers, on_result=on_result)
+    rows = [Evaluate(result) for result in results]
+    WriteResults(rows, folder, as_csv=True)
+    first_seed = [r for r, v in zip(results, variants, strict=True) if v.seed == scenario.seed]
+    SaveFigure(PlotComparison(rows), folder / "comparison.png")
+    SaveFigure(PlotErrors(first_seed), folder / "errors.png")
+    for omega in dict.fromkeys(options.omega):
+        chosen = [r for r, row in zip(results, rows, strict=True)
+                  if row["omega"] == omega and row["seed"] == scenario.seed]  # fmt: skip
+        SaveFigure(PlotHandPath(chosen[0]), folder / f"hand_path_{omega:g}.png")
+        SaveFigure(PlotPose(chosen), folder / f"pose_{omega:g}.png")
+    if options.replay:
+        options.graphviz = None
+        _SimulateWithReplay(options, variants[-1])
+    print(MarkdownTable(rows))
+
+
+@contextmanager
+def _TimeBar(duration: float) -> Iterator[Callable[[float, float], None]]:
+    """A bar over simulated time, with the speed; silent where nobody watches."""
+    form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
+    quiet = not sys.stderr.isatty()
+    with tqdm(total=duration, desc="simulated", bar_format=form, disable=quiet) as bar:
+
+        def OnFrame(simulated: float, wall: float) -> None:
+            bar.set_postfix_str(f"{simulated / max(wall, 1e-9):.2f} x real time", refresh=False)
+            bar.update(simulated - bar.n)
+
+        yield OnFrame
+
+
+@contextmanager
+def _RunBar(count: int) -> Iterator[Callable[[SimulationResult], None]]:
+    """A bar over finished runs; silent where nobody watches."""
+    quiet = not sys.stderr.isatty()
+    with tqdm(total=count, desc="simulations", unit="run", disable=quiet) as bar:
+
+        def OnResult(result: SimulationResult) -> None:
+            speed = (result.time[-1] if len(result.time) else 0.0) / result.wall_s
+            bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
+            bar.update(1)
+
+        yield OnResult

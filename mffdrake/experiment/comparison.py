@@ -1,0 +1,90 @@
+"""Runs many simulations, on several processes, with the same numbers for any number of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+
+from mffdrake.experiment.scenario import LoadScenario, Scenario
+from mffdrake.experiment.simulation import Simulate, SimulationResult
+
+__all__ = ["Compare", "MakeVariants"]
+
+
+def MakeVariants(
+    scenario: Scenario, *, methods: Sequence[str], omegas: Sequence[float], num_seeds: int
+) -> list[Scenario]:
+    """Every method at every speed with every seed.
+
+    Args:
+        scenario: What the variants have in common, and the first seed.
+        methods: Methods, see `METHODS`.
+        omegas: Angular frequencies of the hand's path [rad/s].
+        num_seeds: Number of seeds, from the scenario's on.
+
+    Returns:
+        The scenarios: speed by speed, method by method, seed by seed.
+
+    Raises:
+        ScenarioError: When one of them is wrong.
+
+    Example:
+        >>> len(MakeVariants(Scenario(), methods=["ga", "mff"], omegas=[0.1, 0.2], num_seeds=3))
+        12
+    """
+    variants = []
+    for omega in omegas:
+        for method in methods:
+            for seed in range(scenario.seed, scenario.seed + num_seeds):
+                variant = LoadScenario(text=scenario.Dump())
+                variant.hand_path.omega, variant.method, variant.seed = omega, method, seed
+                variant.Validate()
+                variants.append(variant)
+    return variants
+
+
+def Compare(
+    scenarios: Sequence[Scenario],
+    *,
+    workers: int = 1,
+    on_result: Callable[[SimulationResult], None] | None = None,
+) -> list[SimulationResult]:
+    """Runs scenarios on one or more processes.
+
+    Args:
+        scenarios: What to run.
+        workers: Number of processes. The results do not depend on it, except for the times.
+        on_result: Called after every run.
+
+    Returns:
+        The records, in the scenarios' order.
+
+    Raises:
+        ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+    """
+    results: list[SimulationResult | None] = [None] * len(scenarios)
+    if workers == 1:
+        for k, scenario in enumerate(scenarios):
+            results[k] = Simulate(scenario)
+            if on_result is not None:
+                on_result(results[k])
+        return results
+    # Fresh processes: a forked copy of a process that has rendered would share its graphics state.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(scenarios)), mp_context=context) as pool:
+        jobs = {pool.submit(_Run, scenario.Dump()): k for k, scenario in enumerate(scenarios)}
+        try:
+            for job in as_completed(jobs):
+                results[jobs[job]] = job.result()
+                if on_result is not None:
+                    on_result(job.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return results
+
+
+def _Run(scenario: str) -> SimulationResult:
+    """Runs a scenario given as YAML, which travels between processes as text."""
+    return Simulate(LoadScenario(text=scenario))

@@ -1,0 +1,189 @@
+"""How well a recognition went: errors, mean fitness, tables, medians over seeds."""
+
+from __future__ import annotations
+
+import csv
+import json
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.recognition.pose import rotation_angle
+
+__all__ = ["SETTLED_AFTER", "Evaluate", "MarkdownTable", "Medians", "Versions", "WriteResults"]
+
+SETTLED_AFTER = 5.0
+"""Settled figures leave out the frames before this time [s]: a random start costs some frames."""
+
+_PACKAGES = ("mffdrake", "drake", "numpy", "numba")
+
+
+def Evaluate(result: SimulationResult) -> dict[str, Any]:
+    """One row of ``results.json``.
+
+    Args:
+        result: A simulation's record.
+
+    Returns:
+        Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
+        after the first `SETTLED_AFTER` seconds (None where there are none), and times.
+
+    Example:
+        >>> from mffdrake.experiment.simulation import Simulate
+        >>> scenario = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> Evaluate(Simulate(scenario))["frames"]
+        4
+    """
+    scenario = LoadScenario(text=result.scenario)
+    settled = result.time >= SETTLED_AFTER
+    everything = np.ones_like(settled)
+    return {
+        "method": scenario.method,
+        "omega": scenario.hand_path.omega,
+        "seed": scenario.seed,
+        "start": scenario.recognizer.start,
+        "coding": scenario.recognizer.coding,
+        "renderer": scenario.renderer,
+        "duration": scenario.duration,
+        "frames": len(result.time),
+        "mean_fitness": _MeanFitness(result, everything),
+        "mean_fitness_settled": _MeanFitness(result, settled),
+        "rms": _RmsErrors(result, everything),
+        "rms_settled": _RmsErrors(result, settled),
+        "wall_s": result.wall_s,
+        "realtime_factor": scenario.duration / result.wall_s,
+        "stages_ms": result.stages_ms,
+    }
+
+
+def _MeanFitness(result: SimulationResult, chosen: NDArray[np.bool_]) -> float | None:
+    return float(result.fitness[chosen].mean()) if chosen.any() else None
+
+
+def _RmsErrors(result: SimulationResult, chosen: NDArray[np.bool_]) -> dict[str, float | None]:
+    """Root-mean-square errors of the chosen frames."""
+    error = (result.recognized_pose - result.true_pose)[chosen]
+    angle = rotation_angle(result.true_pose[chosen, 3:], result.recognized_pose[chosen, 3:])
+    columns = {
+        "x_mm": 1e3 * error[:, 0],
+        "y_mm": 1e3 * error[:, 1],
+        "z_mm": 1e3 * error[:, 2],
+        "eps1": error[:, 3],
+        "eps2": error[:, 4],
+        "eps3": error[:, 5],
+        "position_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
+        "rotation_deg": np.degrees(angle),
+    }
+    return {
+        name: float(np.sqrt(np.mean(values**2))) if len(values) else None
+        for name, values in columns.items()
+    }
+
+
+def Medians(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Medians over the seeds, one row for each speed and method, in order of appearance.
+
+    Args:
+        rows: Rows of `Evaluate`.
+
+    Returns:
+        Rows with ``method``, ``omega``, ``seeds`` (their number) and the medians of
+        ``mean_fitness``, ``mean_fitness_settled``, ``rms``, ``rms_settled``, ``realtime_factor``.
+    """
+    groups: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault((row["method"], row["omega"]), []).append(row)
+    medians = []
+    for (method, omega), members in groups.items():
+        summary: dict[str, Any] = {"method": method, "omega": omega, "seeds": len(members)}
+        for name in ("mean_fitness", "mean_fitness_settled", "realtime_factor"):
+            summary[name] = _Median([row[name] for row in members])
+        for name in ("rms", "rms_settled"):
+            summary[name] = {
+                key: _Median([row[name][key] for row in members]) for key in members[0][name]
+            }
+        medians.append(summary)
+    return medians
+
+
+def _Median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def MarkdownTable(rows: Sequence[dict[str, Any]]) -> str:
+    """A table of medians over the seeds, as Markdown.
+
+    Args:
+        rows: Rows of `Evaluate`.
+
+    Returns:
+        The table. Errors are root-mean-square values of the frames after the first `SETTLED_AFTER`
+        seconds, or of all frames where the runs are shorter.
+    """
+    settled = all(row["mean_fitness_settled"] is not None for row in rows)
+    fitness, rms = ("mean_fitness_settled", "rms_settled") if settled else ("mean_fitness", "rms")
+    header = (
+        "omega [rad/s]", "method", "seeds", "fitness", "x [mm]", "y [mm]", "z [mm]",
+        "eps1", "eps2", "eps3", "position [mm]", "rotation [deg]", "real-time factor",
+    )  # fmt: skip
+    lines = [f"| {' | '.join(header)} |", f"|{'---:|' * len(header)}"]
+    for row in Medians(rows):
+        errors = row[rms]
+        cells = [f"{row['omega']:g}", row["method"], str(row["seeds"]), f"{row[fitness]:.3f}"]
+        cells += [f"{errors[key]:.2f}" for key in ("x_mm", "y_mm", "z_mm")]
+        cells += [f"{errors[key]:.4f}" for key in ("eps1", "eps2", "eps3")]
+        cells += [f"{errors['position_mm']:.2f}", f"{errors['rotation_deg']:.2f}"]
+        cells += [f"{row['realtime_factor']:.2f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    frames = f"frames after the first {SETTLED_AFTER:g} s" if settled else "all frames"
+    lines += ["", f"Medians over the seeds; fitness and root-mean-square errors of {frames}."]
+    return "\n".join(lines)
+
+
+def Versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+def WriteResults(rows: Sequence[dict[str, Any]], folder: Path, *, as_csv: bool = False) -> None:
+    """Writes ``results.json`` and, on request, ``results.csv``, each whole or not at all.
+
+    Args:
+        rows: Rows of `Evaluate`.
+        folder: An existing folder.
+        as_csv: Whether to write the CSV file, one line a run, nested names joined by dots.
+
+    Raises:
+        OSError: When a file cannot be written.
+    """
+    with WholeFile(folder / "results.json") as part:
+        data = {"runs": list(rows), "versions": Versions()}
+        part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    if as_csv:
+        flat = [_Flatten(row) for row in rows]
+        with (
+            WholeFile(folder / "results.csv") as part,
+            part.open("w", newline="", encoding="utf-8") as file,
+        ):
+            writer = csv.DictWriter(file, fieldnames=list(flat[0]))
+            writer.writeheader()
+            writer.writerows(flat)
+
+
+def _Flatten(row: dict[str, Any]) -> dict[str, Any]:
+    flat = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            flat.update({f"{key}.{name}": item for name, item in value.items()})
+        else:
+            flat[key] = value
+    return flat

@@ -1,0 +1,71 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+__all__ = ["MakeOutputFolder", "WholeFile"]
+
+
+@contextmanager
+def WholeFile(path: Path | str) -> Iterator[Path]:
+    """Writes a file under a temporary name and moves it into place when all went well.
+
+    Args:
+        path: The file; one that is there already is replaced.
+
+    Yields:
+        A path in the same folder, with the same suffix, to write to.
+
+    Raises:
+        OSError: When the folder is missing or not writable.
+
+    Example:
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> with WholeFile(folder / "a.txt") as part:
+        ...     _ = part.write_text("all of it")
+        >>> [p.name for p in folder.iterdir()]
+        ['a.txt']
+    """
+    path = Path(path)
+    handle, name = tempfile.mkstemp(
+        dir=path.parent, prefix=f".{path.stem}-", suffix=f".part{path.suffix}"
+    )
+    os.close(handle)
+    part = Path(name)
+    try:
+        yield part
+        # The temporary file is private; the result gets the usual permissions.
+        umask = os.umask(0)
+        os.umask(umask)
+        part.chmod(0o666 & ~umask)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def MakeOutputFolder(folder: Path | str) -> Path:
+    """Makes a folder and checks that files can be written there, before any long work.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Its path.
+
+    Raises:
+        OSError: When it cannot be made or written to.
+
+    Example:
+        >>> MakeOutputFolder(tempfile.mkdtemp()).is_dir()
+        True
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+    return folder

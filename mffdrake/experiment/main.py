@@ -1,0 +1,107 @@
+"""The command line: ``mffdrake run`` and ``mffdrake compare``."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+__all__ = ["main"]
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+
+def _Positive(kind: type) -> object:
+    """A converter for positive numbers, with a message that says so."""
+
+    def Convert(text: str) -> float | int:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = 0
+        if not 0 < value < float("inf"):
+            name = "whole number" if kind is int else "number"
+            raise argparse.ArgumentTypeError(f"must be a positive {name}, not '{text}'")
+        return value
+
+    return Convert
+
+
+def _MakeParser() -> argparse.ArgumentParser:
+    common = argparse.ArgumentParser(add_help=False)
+    add = common.add_argument
+    add("--scenario-file", metavar="F", help="YAML file with the scenario")
+    add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")
+    add("--duration", metavar="S", type=_Positive(float), help="simulated time [s]")
+    add("--seed", metavar="N", type=int, help="(first) seed of the random numbers")
+    add("--renderer", metavar="NAME", help="what draws the images: vtk")
+    add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
+    add("--graphviz", metavar="FILE", help="write the diagram as SVG or PNG")
+    add("--replay", metavar="FILE.html", help="write a Meshcat recording as one HTML file")
+    add("--verbose", action="store_true", help="say more on the way")
+
+    parser = _Parser(
+        prog="mffdrake",
+        description="Recognizes a target's pose with stereo cameras on a moving robot hand.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run|compare")
+    run = commands.add_parser("run", parents=[common], help="one simulation")
+    run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
+    run.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
+    compare = commands.add_parser(
+        "compare", parents=[common], help="methods x speeds x seeds, with a table"
+    )
+    compare.add_argument(
+        "--methods", metavar="M", nargs="+", default=["ga", "mff"], help="methods (default: ga mff)"
+    )
+    compare.add_argument(
+        "--omega", metavar="W", nargs="+", type=float, default=[0.105, 0.157, 0.314],
+        help="speeds of the hand's path [rad/s] (default: 0.105 0.157 0.314)",
+    )  # fmt: skip
+    compare.add_argument(
+        "--seeds", metavar="K", type=_Positive(int), default=1,
+        help="number of seeds, from --seed on (default: 1)",
+    )  # fmt: skip
+    compare.add_argument(
+        "--workers", metavar="N", type=_Positive(int), default=1,
+        help="number of processes (default: 1)",
+    )  # fmt: skip
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line.
+
+    Args:
+        arguments: Without the program's name; the process's own by default.
+
+    Returns:
+        The exit status: 0, or 2 after a message on bad input.
+    """
+    options = _MakeParser().parse_args(arguments)
+    logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
+    logging.getLogger("mffdrake").setLevel(logging.INFO if options.verbose else logging.WARNING)
+    logging.getLogger("drake").setLevel(logging.INFO if options.verbose else logging.WARNING)
+    # Only now: the help should come at once, and Drake takes a moment to load.
+    from mffdrake.experiment.commands import RunCommand, UserError
+
+    try:
+        RunCommand(options)
+    except UserError as error:
+        print(f"mffdrake: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("mffdrake: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""Rendered pictures: what the cameras see, the whole scene, and the diagram."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pydot
+from numpy.typing import NDArray
+from pydrake.geometry import ClippingRange, ColorRenderCamera, RenderCameraCore
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.sensors import CameraInfo
+
+from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.plotting import DrawOutline
+from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.simulation import SimulationResult
+
+__all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
+
+_EYE = (1.2, -2.4, 1.35)  # Where the scene is looked at from [m], in the world.
+_LOOK_AT = (0.85, 0.0, 0.5)
+
+
+def DrawCameraView(
+    diagram: Diagram, scenario: Scenario, result: SimulationResult, frame: int = -1
+) -> NDArray[np.uint8]:
+    """Both cameras' images at a frame, with the recognized pose's outline over them.
+
+    Args:
+        diagram: The scenario's diagram.
+        scenario: The scenario.
+        result: Its record.
+        frame: Which frame; the last by default.
+
+    Returns:
+        An RGB image, the left camera's on the left, shape (height, 2 width, 3).
+    """
+    context = _ContextOfFrame(diagram, result, frame)
+    images = [
+        diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
+        for side in ("right", "left")
+    ]
+    matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
+    solid, camera = matcher.search_model.solid, matcher.camera
+    return DrawOutline(*images, result.recognized_pose[frame], solid, camera)
+
+
+def DrawScene(
+    diagram: Diagram,
+    result: SimulationResult,
+    frame: int = -1,
+    *,
+    width: int = 960,
+    height: int = 720,
+) -> NDArray[np.uint8]:
+    """The arm and the target at a frame, seen from the side.
+
+    Args:
+        diagram: The diagram.
+        result: Its record.
+        frame: Which frame; the last by default.
+        width: Image width [px].
+        height: Image height [px].
+
+    Returns:
+        An RGB image, shape (height, width, 3).
+    """
+    context = _ContextOfFrame(diagram, result, frame)
+    scene_graph = diagram.GetSubsystemByName("scene_graph")
+    query = diagram.GetOutputPort("query_object").Eval(context)
+    forward = np.subtract(_LOOK_AT, _EYE)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    axes = np.column_stack([right, np.cross(forward, right), forward])
+    X_WV = RigidTransform(RotationMatrix(axes / np.linalg.norm(axes, axis=0)), list(_EYE))
+    core = RenderCameraCore(
+        scene_graph.RendererNames()[0],
+        CameraInfo(width, height, np.radians(45.0)),
+        ClippingRange(0.05, 20.0),
+        RigidTransform(),
+    )
+    image = query.RenderColorImage(
+        ColorRenderCamera(core, False), scene_graph.world_frame_id(), X_WV
+    )
+    return image.data[:, :, :3].copy()
+
+
+def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
+    """Writes an RGB image as PNG, whole or not at all.
+
+    Args:
+        image: Shape (height, width, 3).
+        path: The file.
+
+    Raises:
+        OSError: When it cannot be written.
+    """
+    import cv2
+
+    with WholeFile(path) as part:
+        part.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+
+
+def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
+    """Draws a diagram with Graphviz.
+
+    Args:
+        diagram: The diagram.
+        path: The file; its suffix tells the format, SVG or PNG.
+
+    Raises:
+        FileNotFoundError: When Graphviz's program ``dot`` is not installed.
+        OSError: When the file cannot be written.
+    """
+    if shutil.which("dot") is None:
+        raise FileNotFoundError(
+            "drawing the diagram needs Graphviz; install it with: sudo apt-get install graphviz"
+        )
+    (graph,) = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
+    with WholeFile(path) as part:
+        part.write_bytes(graph.create(format=Path(path).suffix[1:]))
+
+
+def _ContextOfFrame(diagram: Diagram, result: SimulationResult, frame: int) -> Context:
+    """A context with the arm where it was at a frame."""
+    context = diagram.CreateDefaultContext()
+    plant = diagram.GetSubsystemByName("plant")
+    state = np.append(result.joint_positions[frame], result.joint_velocities[frame])
+    plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(context), state)
+    return context

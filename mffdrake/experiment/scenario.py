@@ -1,0 +1,390 @@
+"""Scenarios: everything a simulation depends on, as dataclasses that are read from YAML."""
+
+# Drake's YAML reader needs the fields' types themselves, so no `from __future__ import annotations`.
+
+import dataclasses as dc
+import math
+from pathlib import Path
+
+from pydrake.common.schema import Transform
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml, ScenarioError
+from mffdrake.recognition import (
+    GeneCoding,
+    GeneticParameters,
+    LocalMoveParameters,
+    MatchingParameters,
+    SamplingParameters,
+    SearchRange,
+)
+from mffdrake.systems.hand_path import HandPath
+from mffdrake.systems.pa10 import DEFAULT_BASELINE, DEFAULT_P_EC
+from mffdrake.systems.pd_controller import PD_GAINS
+from mffdrake.systems.renderers import RENDERERS
+from mffdrake.systems.timing import Timing
+
+__all__ = ["METHODS", "LoadScenario", "Scenario", "ScenarioError"]
+
+METHODS = ("ga", "mff")
+"""The methods: the plain 1-step GA, and the same with motion feedforward."""
+
+
+def _LikeFirstHandPose(translation: list[float]) -> Transform:
+    """A pose with the axes of the paper's first hand pose: z forward, x right, y down."""
+    return Transform(RigidTransform(RollPitchYaw(-0.5 * math.pi, 0, -0.5 * math.pi), translation))
+
+
+@dc.dataclass(kw_only=True)
+class HandPathConfig:
+    """The hand's desired path, Eq. (29)-(31).
+
+    Attributes:
+        amplitude_deg: Largest angle of the swing [deg].
+        distance: Radius of the circle on which the hand moves [m].
+        omega: Angular frequency of the swing [rad/s].
+        X_WE0: The hand's first pose, Eq. (29).
+    """
+
+    amplitude_deg: float = 15.0
+    distance: float = 0.8
+    omega: float = 0.105
+    X_WE0: Transform = dc.field(default_factory=lambda: _LikeFirstHandPose([0.918, 0.0, 0.455]))
+
+    def Make(self) -> HandPath:
+        """The path."""
+        return HandPath(
+            amplitude=math.radians(self.amplitude_deg),
+            distance=self.distance,
+            omega=self.omega,
+            X_WE0=self.X_WE0.GetDeterministicValue(),
+        )
+
+
+@dc.dataclass(kw_only=True)
+class ControllerConfig:
+    """The PD controller.
+
+    Attributes:
+        gains: Name of a preset: "lightly_damped" (the paper's Fig. 6) or "well_damped".
+        kp: Proportional gains [N m/rad], one a joint; they replace the preset's.
+        kd: Derivative gains [N m s/rad], likewise.
+        gravity_compensation: Whether the arm's weight is compensated.
+    """
+
+    gains: str = "lightly_damped"
+    kp: list[float] | None = None
+    kd: list[float] | None = None
+    gravity_compensation: bool = True
+
+
+@dc.dataclass(kw_only=True)
+class CameraConfig:
+    """The stereo camera on the hand.
+
+    Attributes:
+        width: Image width [px].
+        height: Image height [px].
+        fov_y_deg: Vertical field of view [deg].
+        baseline: Distance between the cameras [m].
+        p_EC: The right camera's position in the hand's frame [m].
+    """
+
+    width: int = 640
+    height: int = 480
+    fov_y_deg: float = 45.0
+    baseline: float = DEFAULT_BASELINE
+    p_EC: list[float] = dc.field(default_factory=lambda: list(DEFAULT_P_EC))
+
+
+@dc.dataclass(kw_only=True)
+class TargetConfig:
+    """The known object.
+
+    Attributes:
+        model: URL or path of its SDF, whose visual is one convex mesh with a material a face.
+        X_WM: Its pose in the world.
+    """
+
+    model: str = "package://mffdrake/target_box.sdf"
+    X_WM: Transform = dc.field(default_factory=lambda: _LikeFirstHandPose([1.718, 0.0, 0.455]))
+
+
+def _Fields(source: type, **changed: type) -> type:
+    """A class of fields with another dataclass's names, types and defaults, for Drake's YAML.
+
+    Tuples become lists, which Drake's YAML reader knows.
+    """
+    fields = []
+    for field in dc.fields(source):
+        default = field.default
+        if isinstance(default, tuple):
+            fields.append(
+                (field.name, list[float], dc.field(default_factory=lambda d=default: list(d)))
+            )
+        else:
+            kind = changed.get(field.name, type(default))
+            fields.append((field.name, kind, dc.field(default=default)))
+    return dc.make_dataclass(f"{source.__name__}Config", fields, module=__name__)
+
+
+SearchRangeConfig = _Fields(SearchRange)
+SamplingConfig = _Fields(SamplingParameters, margin=float | None)
+MatchingConfig = _Fields(MatchingParameters)
+LocalMovesConfig = _Fields(LocalMoveParameters)
+
+
+def _Made(config: object, target: type) -> object:
+    """The parameter object that a class of `_Fields` stands for; it checks the ranges."""
+    values = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in dc.asdict(config).items()
+    }
+    return target(**values)
+
+
+@dc.dataclass(kw_only=True)
+class RecognizerConfig:
+    """The recognizer.
+
+    Attributes:
+        population_size: Number of hypotheses.
+        generations_per_frame: Generations on one frame's images; the paper's 1.
+        coding: "binary" (the paper's) or "gray".
+        bits: Bits a gene.
+        survivor_share: See `GeneticParameters`, as for the next four.
+        mutation_probability: Chance of a bit to flip.
+        local_share: Share of the children that are small motions of the best individual.
+        newcomer_share: Share of the children drawn over the whole range.
+        first_candidates: The first population is the best of so many times its size.
+        search_range: Least and greatest of x, y, z [m], eps1, eps2, eps3.
+        start: First population: "random" over the range, or "near_target" (as the paper's).
+        start_spread: Its standard deviations when near the target: position [m] and quaternion.
+        sampling: How densely the solid is sampled, see `SamplingParameters`.
+        matching: Tolerances, see `MatchingParameters`.
+        local_moves: How far the small motions go, see `LocalMoveParameters`.
+    """
+
+    population_size: int = GeneticParameters.population_size
+    generations_per_frame: int = 1
+    coding: str = GeneCoding.coding
+    bits: int = GeneCoding.bits
+    survivor_share: float = GeneticParameters.survivor_share
+    mutation_probability: float = GeneticParameters.mutation_probability
+    local_share: float = GeneticParameters.local_share
+    newcomer_share: float = GeneticParameters.newcomer_share
+    first_candidates: int = GeneticParameters.first_candidates
+    search_range: SearchRangeConfig = dc.field(default_factory=SearchRangeConfig)
+    start: str = "random"
+    start_spread: list[float] = dc.field(default_factory=lambda: [0.010, 0.020])
+    sampling: SamplingConfig = dc.field(default_factory=SamplingConfig)
+    matching: MatchingConfig = dc.field(default_factory=MatchingConfig)
+    local_moves: LocalMovesConfig = dc.field(default_factory=LocalMovesConfig)
+
+    def MakeCoding(self) -> GeneCoding:
+        """The genes."""
+        return GeneCoding(
+            search_range=_Made(self.search_range, SearchRange), bits=self.bits, coding=self.coding
+        )
+
+    def MakeParameters(self) -> GeneticParameters:
+        """How a generation is bred."""
+        return GeneticParameters(
+            **{f.name: getattr(self, f.name) for f in dc.fields(GeneticParameters)}
+        )
+
+    def MakeSampling(self) -> SamplingParameters:
+        """How densely the solid is sampled."""
+        return _Made(self.sampling, SamplingParameters)
+
+    def MakeMatching(self) -> MatchingParameters:
+        """The tolerances of a match."""
+        return _Made(self.matching, MatchingParameters)
+
+    def MakeLocalMoves(self) -> LocalMoveParameters:
+        """How far the small motions go."""
+        return _Made(self.local_moves, LocalMoveParameters)
+
+
+@dc.dataclass(kw_only=True)
+class PredictorConfig:
+    """The motion feedforward; see `MffPredictor`.
+
+    Attributes:
+        mode: "rigid" (exact) or "velocity" (Eq. 12).
+        latency: Known delay of the camera [s].
+        gain: Share of the predicted motion that is applied.
+    """
+
+    mode: str = "rigid"
+    latency: float = 0.0
+    gain: float = 1.0
+
+
+@dc.dataclass(kw_only=True)
+class TimingConfig:
+    """The two rates.
+
+    Attributes:
+        control_period: Time between control ticks [s].
+        vision_period: Time between frames [s], a whole multiple.
+    """
+
+    control_period: float = Timing.control_period
+    vision_period: float = Timing.vision_period
+
+    def Make(self) -> Timing:
+        """The timing."""
+        return Timing(control_period=self.control_period, vision_period=self.vision_period)
+
+
+@dc.dataclass(kw_only=True)
+class Scenario:
+    """Everything a simulation depends on. The defaults are the paper's experiment.
+
+    Attributes:
+        hand_path: The hand's desired path.
+        controller: The PD controller.
+        camera: The stereo camera.
+        target: The object to recognize.
+        recognizer: The recognizer.
+        predictor: The motion feedforward.
+        timing: Control and vision periods.
+        method: "ga": the plain 1-step GA; "mff": with motion feedforward.
+        renderer: What draws the images: "vtk".
+        duration: Simulated time [s].
+        seed: Of the random numbers, at least 0.
+
+    Example:
+        >>> scenario = LoadScenario(text="hand_path: {omega: 0.314}")
+        >>> scenario.hand_path.omega, scenario.method
+        (0.314, 'mff')
+    """
+
+    hand_path: HandPathConfig = dc.field(default_factory=HandPathConfig)
+    controller: ControllerConfig = dc.field(default_factory=ControllerConfig)
+    camera: CameraConfig = dc.field(default_factory=CameraConfig)
+    target: TargetConfig = dc.field(default_factory=TargetConfig)
+    recognizer: RecognizerConfig = dc.field(default_factory=RecognizerConfig)
+    predictor: PredictorConfig = dc.field(default_factory=PredictorConfig)
+    timing: TimingConfig = dc.field(default_factory=TimingConfig)
+    method: str = "mff"
+    renderer: str = "vtk"
+    duration: float = 40.0
+    seed: int = 0
+
+    def Validate(self) -> None:
+        """Checks every value that can be checked without building the diagram.
+
+        Raises:
+            ScenarioError: One line that names the key, the allowed values and the given one.
+        """
+        _Choice("method", self.method, METHODS)
+        _Choice("renderer", self.renderer, tuple(RENDERERS))
+        _Choice("recognizer.start", self.recognizer.start, ("random", "near_target"))
+        _Choice("recognizer.coding", self.recognizer.coding, ("binary", "gray"))
+        _Choice("predictor.mode", self.predictor.mode, ("rigid", "velocity"))
+        _Choice("controller.gains", self.controller.gains, tuple(PD_GAINS))
+        for key in ("duration", "camera.width", "camera.height", "camera.baseline"):
+            section, _, name = key.rpartition(".")
+            value = getattr(getattr(self, section) if section else self, name)
+            _Require(0 < value < math.inf, key, value, "must be positive")
+        _Require(self.seed >= 0, "seed", self.seed, "must be at least 0")
+        fov = self.camera.fov_y_deg
+        _Require(0 < fov < 180, "camera.fov_y_deg", fov, "must be between 0 and 180")
+        _Length("camera.p_EC", self.camera.p_EC, 3)
+        spread = self.recognizer.start_spread
+        _Length("recognizer.start_spread", spread, 2)
+        _Require(min(spread) >= 0, "recognizer.start_spread", spread, "must be at least 0")
+        _Require(
+            self.recognizer.generations_per_frame >= 1,
+            "recognizer.generations_per_frame",
+            self.recognizer.generations_per_frame,
+            "must be at least 1",
+        )
+        for name in ("kp", "kd"):
+            gains = getattr(self.controller, name)
+            if gains is not None:
+                _Length(f"controller.{name}", gains, 7)
+                _Require(min(gains) >= 0, f"controller.{name}", gains, "must be at least 0")
+        for section, make in (
+            ("hand_path", self.hand_path.Make),
+            ("timing", self.timing.Make),
+            ("recognizer", self.recognizer.MakeCoding),
+            ("recognizer", self.recognizer.MakeParameters),
+            ("recognizer.sampling", self.recognizer.MakeSampling),
+            ("recognizer.matching", self.recognizer.MakeMatching),
+            ("recognizer.local_moves", self.recognizer.MakeLocalMoves),
+        ):
+            try:
+                make()
+            except ValueError as error:
+                prefix = "" if str(error).startswith(section) else f"{section}: "
+                raise ScenarioError(f"{prefix}{error}") from error
+        latency, period = self.predictor.latency, self.timing.control_period
+        _Require(
+            0 <= latency < math.inf and abs(latency / period - round(latency / period)) < 1e-6,
+            "predictor.latency",
+            latency,
+            f"must be at least 0 and a whole multiple of timing.control_period ({period})",
+        )
+        _Require(
+            math.isfinite(self.predictor.gain),
+            "predictor.gain",
+            self.predictor.gain,
+            "must be finite",
+        )
+
+    def Dump(self) -> str:
+        """The scenario as YAML, which `LoadScenario` reads back."""
+        return yaml_dump_typed(self)
+
+
+def LoadScenario(file: Path | str | None = None, text: str | None = None) -> Scenario:
+    """Reads a scenario: the defaults, then a file on top, then a text on top.
+
+    Args:
+        file: A YAML file.
+        text: YAML.
+
+    Returns:
+        The checked scenario.
+
+    Raises:
+        ScenarioError: When a key is unknown or a value has the wrong type or range; the message
+            names the file, the key and what is allowed.
+        OSError: When the file cannot be read.
+
+    Example:
+        >>> LoadScenario(text="{seed: 3, camera: {width: 320, height: 240}}").camera.width
+        320
+    """
+    scenario = Scenario()
+    sources = []
+    if file is not None:
+        sources.append((str(file), Path(file).read_text(encoding="utf-8")))
+    if text is not None:
+        sources.append(("scenario text", text))
+    for name, yaml_text in sources:
+        try:
+            CheckKeysAndTypes(ReadYaml(yaml_text), Scenario)
+            if yaml_text.strip():
+                scenario = yaml_load_typed(schema=Scenario, data=yaml_text, defaults=scenario)
+            scenario.Validate()
+        except ScenarioError as error:
+            raise ScenarioError(f"{name}: {error}") from error
+    return scenario
+
+
+def _Require(condition: bool, key: str, value: object, rule: str) -> None:
+    if not condition:
+        raise ScenarioError(f"{key} {rule}, not {value}")
+
+
+def _Choice(key: str, value: str, choices: tuple[str, ...]) -> None:
+    _Require(value in choices, key, repr(value), f"must be one of {', '.join(choices)}")
+
+
+def _Length(key: str, value: list[float], length: int) -> None:
+    _Require(len(value) == length, key, value, f"must be a list of {length} numbers")

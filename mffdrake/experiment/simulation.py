@@ -1,0 +1,243 @@
+"""Runs one simulation and records it."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram
+
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.scenario import LoadScenario, Scenario
+from mffdrake.recognition.pose import pose_from_transform
+from mffdrake.systems.pa10 import NUM_JOINTS
+
+__all__ = ["Simulate", "SimulationResult"]
+
+Array = NDArray[np.float64]
+
+
+@dc.dataclass(kw_only=True)
+class SimulationResult:
+    """What happened at every frame k of a simulation, K frames in all.
+
+    Attributes:
+        scenario: The scenario as YAML.
+        time: Time of each frame [s], shape (K,).
+        true_pose: Target's pose vector ``(r [m], eps)`` in the right camera C at the frame's time,
+            shape (K, 6).
+        recognized_pose: The pose recognized from that frame's images, shape (K, 6).
+        fitness: Its fitness, 0 to 1, shape (K,).
+        desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
+        actual_hand_pose: The same of the actual hand, shape (K, 6).
+        joint_positions: Arm's joint angles [rad], shape (K, 7).
+        joint_velocities: Their rates [rad/s], shape (K, 7).
+        stages_ms: Mean wall time a frame of the stages "render", "recognition", "prediction" and
+            "total" (which includes the dynamics and the control of one frame) [ms].
+        wall_s: Wall time of the simulation, without building the diagram [s].
+    """
+
+    scenario: str
+    time: Array
+    true_pose: Array
+    recognized_pose: Array
+    fitness: Array
+    desired_hand_pose: Array
+    actual_hand_pose: Array
+    joint_positions: Array
+    joint_velocities: Array
+    stages_ms: dict[str, float]
+    wall_s: float
+
+    def Save(self, path: Path | str) -> None:
+        """Writes everything as an NPZ file, whole or not at all.
+
+        Args:
+            path: The file.
+
+        Raises:
+            OSError: When it cannot be written.
+        """
+        values = {field.name: getattr(self, field.name) for field in dc.fields(self)}
+        stages = values.pop("stages_ms")
+        names, means = np.array(list(stages)), np.array(list(stages.values()))
+        with WholeFile(path) as part:
+            np.savez_compressed(part, stage_names=names, stage_means_ms=means, **values)
+
+    @classmethod
+    def Load(cls, path: Path | str) -> SimulationResult:
+        """Reads what `Save` wrote.
+
+        Args:
+            path: The file.
+
+        Raises:
+            OSError: When it cannot be read.
+        """
+        with np.load(path, allow_pickle=False) as data:
+            values = {name: data[name] for name in data.files}
+        stages = dict(
+            zip(
+                values.pop("stage_names").tolist(),
+                values.pop("stage_means_ms").tolist(),
+                strict=True,
+            )
+        )
+        values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
+        return cls(stages_ms=stages, **values)
+
+
+def Simulate(
+    scenario: Scenario,
+    *,
+    diagram: Diagram | None = None,
+    on_frame: Callable[[float, float], None] | None = None,
+) -> SimulationResult:
+    """Runs a scenario from time 0 to its duration and records every frame.
+
+    Args:
+        scenario: What to simulate.
+        diagram: The scenario's diagram, where it is built already.
+        on_frame: Called after every frame with its simulated time and the wall time so far [s].
+
+    Returns:
+        The record.
+
+    Raises:
+        ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+
+    Example:
+        >>> result = Simulate(LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}"))
+        >>> result.time
+        array([0.   , 0.033, 0.066, 0.099])
+    """
+    diagram = MakeHandEyeDiagram(scenario) if diagram is None else diagram
+    timing = scenario.timing.Make()
+    simulator = Simulator(diagram)
+    recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())
+    for frame in range(timing.NumFrames(scenario.duration)):
+        tick = frame * timing.ticks_per_frame
+        # Events at this time run in the next step, so the state here is the one the frame shows.
+        recorder.RecordTruth(timing.TimeOfTick(tick))
+        simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
+        recorder.RecordRecognition()
+        next_frame = timing.TimeOfTick(tick + timing.ticks_per_frame)
+        simulator.AdvanceTo(max(timing.TimeOfTick(tick + 1), min(next_frame, scenario.duration)))
+        recorder.FinishFrame(timing.ticks_per_frame)
+        if on_frame is not None:
+            on_frame(simulator.get_context().get_time(), recorder.wall_s)
+    return recorder.Result()
+
+
+class _Recorder:
+    """Collects the frames and the stages' wall times.
+
+    It reads the images and the prediction just before the recognizer does. The recognizer then
+    finds them computed (Drake caches them), so that each stage can be timed from outside; what is
+    computed stays the same.
+    """
+
+    def __init__(self, scenario: Scenario, diagram: Diagram, context: Context) -> None:
+        self._scenario = scenario
+        self._context = context
+        self._plant = diagram.GetSubsystemByName("plant")
+        self._plant_context = self._plant.GetMyContextFromRoot(context)
+        self._hand = self._plant.GetFrameByName("hand")
+        self._camera = self._plant.GetFrameByName("camera_right")
+        self._X_WM = scenario.target.X_WM.GetDeterministicValue()
+        self._path = scenario.hand_path.Make()
+        self._X_E0W = self._path.CalcHandPose(0.0).inverse()
+        self._recognizer = diagram.GetSubsystemByName("recognizer")
+        self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
+        self._image_ports = [
+            diagram.GetOutputPort(f"stereo_camera.color_image_{side}") for side in ("right", "left")
+        ]
+        self._diagram_context = context
+        self._predicted = None
+        if diagram.HasSubsystemNamed("predictor"):
+            predictor = diagram.GetSubsystemByName("predictor")
+            self._predicted = (
+                predictor.GetOutputPort("predicted_population"),
+                predictor.GetMyContextFromRoot(context),
+            )
+        self._rows: dict[str, list[Array | float]] = {
+            field.name: []
+            for field in dc.fields(SimulationResult)
+            if field.name not in ("scenario", "stages_ms", "wall_s")
+        }
+        self._stages: dict[str, list[float]] = {
+            "render": [], "recognition": [], "prediction": [], "total": [],
+        }  # fmt: skip
+        self._marks: list[float] = []
+        self._start = time.perf_counter()
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time since the start [s]."""
+        return time.perf_counter() - self._start
+
+    def RecordTruth(self, frame_time: float) -> None:
+        """Notes the present state and computes what the recognizer is about to read."""
+        self._marks = [time.perf_counter()]
+        state = self._plant.get_state_output_port().Eval(self._plant_context)
+        X_WE = self._hand.CalcPoseInWorld(self._plant_context)
+        X_WC = self._camera.CalcPoseInWorld(self._plant_context)
+        for name, value in (
+            ("time", frame_time),
+            ("joint_positions", state[:NUM_JOINTS]),
+            ("joint_velocities", state[NUM_JOINTS : 2 * NUM_JOINTS]),
+            ("true_pose", _PoseVector(X_WC.InvertAndCompose(self._X_WM))),
+            ("actual_hand_pose", _PoseVector(self._X_E0W @ X_WE)),
+            ("desired_hand_pose", _PoseVector(self._X_E0W @ self._path.CalcHandPose(frame_time))),
+        ):
+            self._rows[name].append(value)
+        self._marks.append(time.perf_counter())
+        for port in self._image_ports:
+            port.Eval(self._diagram_context)
+        self._marks.append(time.perf_counter())
+        if self._predicted is not None:
+            port, context = self._predicted
+            port.Eval(context)
+        self._marks.append(time.perf_counter())
+
+    def RecordRecognition(self) -> None:
+        """Notes what the recognizer made of the frame, one tick later."""
+        self._marks.append(time.perf_counter())
+        context = self._recognizer_context
+        self._rows["recognized_pose"].append(self._recognizer.GetOutputPort("pose").Eval(context))
+        fitness = self._recognizer.GetOutputPort("fitness").Eval(context)
+        self._rows["fitness"].append(float(fitness[0]))
+
+    def FinishFrame(self, ticks: int) -> None:
+        """Notes the stages' times at the end of a frame."""
+        begin, told, rendered, predicted, recognized = self._marks
+        end = time.perf_counter()
+        # The recognizer's tick also did what every tick does: control and dynamics.
+        one_tick = (end - recognized) / max(1, ticks - 1)
+        for name, seconds in (
+            ("render", rendered - told),
+            ("prediction", predicted - rendered),
+            ("recognition", max(0.0, recognized - predicted - one_tick)),
+            ("total", end - begin),
+        ):
+            self._stages[name].append(1e3 * seconds)
+
+    def Result(self) -> SimulationResult:
+        """The record."""
+        return SimulationResult(
+            scenario=self._scenario.Dump(),
+            stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
+            wall_s=self.wall_s,
+            **{name: np.array(values) for name, values in self._rows.items()},
+        )
+
+
+def _PoseVector(X: RigidTransform) -> Array:
+    return pose_from_transform(X.rotation().matrix(), X.translation())
