@@ -1,55 +1,15 @@
 """Pose recognition by a moving stereo camera, with motion feedforward, as Drake systems.
 
-The public names of the three rooms: `mffdrake.recognition` (no simulator), `mffdrake.systems` (Drake
-systems) and `mffdrake.experiment` (scenarios, simulations, results). They load when first used.
+These are the public names of the three rooms: `mffdrake.recognition` (no simulator),
+`mffdrake.systems` (Drake systems) and `mffdrake.experiment` (scenarios, simulations, results).
+They load when they are first used, so importing the package takes no time. `__init__.pyi` tells
+editors and type checkers where they are.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from mffdrake.experiment.comparison import Compare, MakeVariants
-    from mffdrake.experiment.diagram import MakeHandEyeDiagram
-    from mffdrake.experiment.evaluation import Evaluate, MarkdownTable
-    from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
-    from mffdrake.experiment.simulation import Simulate, SimulationResult
-    from mffdrake.recognition import (
-        GeneCoding,
-        GeneticParameters,
-        LocalMoveParameters,
-        Matcher,
-        MatchingParameters,
-        NearStart,
-        OneStepGaTracker,
-        RandomStart,
-        SamplingParameters,
-        SearchModel,
-        SearchRange,
-        SolidModel,
-        StereoCamera,
-    )
-    from mffdrake.systems.graphics import GraphicsUnavailableError, RequireGraphics
-    from mffdrake.systems.hand_path import (
-        AddHandPathSource,
-        HandPath,
-        SolveHandPath,
-        UnreachablePathError,
-    )
-    from mffdrake.systems.models import ConfigureParser, FindModelsPath
-    from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
-    from mffdrake.systems.pd_controller import (
-        PD_GAINS,
-        AddGravityCompensation,
-        PdController,
-        PdGains,
-    )
-    from mffdrake.systems.predictor import MffPredictor
-    from mffdrake.systems.recognizer import OneStepGaRecognizer
-    from mffdrake.systems.renderers import AddRenderer
-    from mffdrake.systems.stereo_camera import AddStereoCamera
-    from mffdrake.systems.timing import Timing
+from typing import Any
 
 _MODULES = {
     "experiment.comparison": "Compare MakeVariants",

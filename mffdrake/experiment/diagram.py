@@ -13,7 +13,6 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import Body
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.experiment.scenario import ControllerConfig, Scenario, ScenarioError
 from mffdrake.experiment.visualization import AddMeshcat
@@ -114,8 +113,8 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         AddGravityCompensation(
             builder,
             arm_plant=arm,
-            controller=controller,
             estimated_state=plant.get_state_output_port(),
+            feedforward_torque=controller.GetInputPort("feedforward_torque"),
         )
 
     stereo = AddStereoCamera(

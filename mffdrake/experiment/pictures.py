@@ -15,7 +15,7 @@ from pydrake.systems.sensors import CameraInfo
 
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.plotting import DrawOutline
-from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
@@ -76,7 +76,7 @@ def DrawScene(
     axes = np.column_stack([right, np.cross(forward, right), forward])
     X_WV = RigidTransform(RotationMatrix(axes / np.linalg.norm(axes, axis=0)), list(_EYE))
     core = RenderCameraCore(
-        scene_graph.RendererNames()[0],
+        LoadScenario(text=result.scenario).renderer,
         CameraInfo(width, height, np.radians(45.0)),
         ClippingRange(0.05, 20.0),
         RigidTransform(),

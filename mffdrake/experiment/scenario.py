@@ -1,6 +1,6 @@
 """Scenarios: everything a simulation depends on, as dataclasses that are read from YAML."""
 
-# Drake's YAML reader needs the fields' types themselves, so no `from __future__ import annotations`.
+# No `from __future__ import annotations`: Drake's YAML reader needs the fields' types themselves.
 
 import dataclasses as dc
 import math
@@ -126,7 +126,7 @@ def _Fields(source: type, **changed: type) -> type:
         else:
             kind = changed.get(field.name, type(default))
             fields.append((field.name, kind, dc.field(default=default)))
-    return dc.make_dataclass(f"{source.__name__}Config", fields, module=__name__)
+    return dc.make_dataclass(f"{source.__name__}Config", fields, namespace={"__module__": __name__})
 
 
 SearchRangeConfig = _Fields(SearchRange)

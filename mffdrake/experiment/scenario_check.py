@@ -20,7 +20,10 @@ __all__ = ["CheckKeysAndTypes", "ReadYaml", "ScenarioError"]
 
 _NAMES = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 _ROTATIONS = {"!Rpy": "deg", "!AngleAxis": "angle_deg, axis", "!Identity": ""}
-_ROTATION_HELP = "a rotation such as !Rpy {deg: [roll, pitch, yaw]} or !AngleAxis {angle_deg: a, axis: [x, y, z]}"
+_ROTATION_HELP = (
+    "a rotation such as !Rpy {deg: [roll, pitch, yaw]} "
+    "or !AngleAxis {angle_deg: a, axis: [x, y, z]}"
+)
 
 
 class ScenarioError(ValueError):

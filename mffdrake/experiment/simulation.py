@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
-from mffdrake.experiment.scenario import LoadScenario, Scenario
+from mffdrake.experiment.scenario import Scenario
 from mffdrake.recognition.pose import pose_from_transform
 from mffdrake.systems.pa10 import NUM_JOINTS
 
@@ -114,6 +114,7 @@ def Simulate(
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
 
     Example:
+        >>> from mffdrake.experiment.scenario import LoadScenario
         >>> result = Simulate(LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}"))
         >>> result.time
         array([0.   , 0.033, 0.066, 0.099])

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
-from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.systems.pa10 import JOINT_NAMES, NOMINAL_POSITIONS, NUM_JOINTS
+from mffdrake.systems.inverse_kinematics import ArmKinematics, UnreachablePathError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,21 +25,11 @@ if TYPE_CHECKING:
 
 __all__ = ["AddHandPathSource", "HandPath", "SolveHandPath", "UnreachablePathError"]
 
-_S1, _S3, _E1 = (JOINT_NAMES.index(name) for name in ("S1", "S3", "E1"))
-_FREE = [i for i in range(NUM_JOINTS) if i != _S3]  # S3 resolves the redundancy: it stays at 0.
-
 _MARGIN = 0.1  # [s] of trajectory after the end, so that a source has a value at the end's ulp.
 _PHASE_STEP = 0.02  # [rad] of the path's phase omega t from knot to knot,
 _MAX_STEP = 0.1  # but at most this time,
 _MIN_STEP = 0.001  # Knots nearer than this [s] help nobody.
-_CONVERGED = 1e-10  # Pose error of a solution [m, rad].
 _MIDWAY_ERROR = 1e-6  # Largest pose error halfway between two knots [m, rad].
-_POSITION_REMEDY = "Reduce the path's amplitude or distance, or move X_WE0."
-_VELOCITY_REMEDY = "Reduce the path's omega or amplitude."
-
-
-class UnreachablePathError(ValueError):
-    """The arm cannot follow the path; the message says when, why and what to change."""
 
 
 def _MakeX_WE0() -> RigidTransform:
@@ -118,128 +107,6 @@ class HandPath:
         return self.X_WE0 @ np.array([0.0, 0.0, self.distance])
 
 
-class _Arm:
-    """Kinematics of the arm's hand with joint S3 at rest: damped Newton on Drake's Jacobian."""
-
-    def __init__(self, plant: MultibodyPlant, frame_name: str) -> None:
-        joints = [plant.GetJointByName(name) for name in JOINT_NAMES]
-        self._plant = plant
-        self._context = plant.CreateDefaultContext()
-        self._frame = plant.GetFrameByName(frame_name)
-        self._all_positions = plant.GetPositions(self._context)
-        self._positions = [joint.position_start() for joint in joints]
-        self._columns = [joints[i].velocity_start() for i in _FREE]
-        self.lower = np.array([joint.position_lower_limits()[0] for joint in joints])
-        self.upper = np.array([joint.position_upper_limits()[0] for joint in joints])
-        self.speed = np.array([joint.velocity_upper_limits()[0] for joint in joints])
-
-    def CalcPose(self, q: NDArray[np.float64]) -> RigidTransform:
-        """Pose X_WE of the hand."""
-        self._all_positions[self._positions] = q
-        self._plant.SetPositions(self._context, self._all_positions)
-        return self._frame.CalcPoseInWorld(self._context)
-
-    def CalcPoseError(self, q: NDArray[np.float64], X_WE: RigidTransform) -> NDArray[np.float64]:
-        """Rotation [rad] and translation [m] from the hand at ``q`` to ``X_WE``, in the world."""
-        X_WH = self.CalcPose(q)
-        R = X_WE.rotation().matrix() @ X_WH.rotation().matrix().T
-        # sin(angle) axis: the rotation vector to second order, and zero where that is.
-        turn = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        return np.concatenate((turn, X_WE.translation() - X_WH.translation()))
-
-    def SolveStep(
-        self, q: NDArray[np.float64], twist: NDArray[np.float64], damping: float
-    ) -> NDArray[np.float64]:
-        """Joint step or rate (7,) that moves the hand by a twist (6,), by damped least squares."""
-        self.CalcPose(q)
-        world = self._plant.world_frame()
-        J = self._plant.CalcJacobianSpatialVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, np.zeros(3), world, world
-        )[:, self._columns]
-        step = np.zeros(NUM_JOINTS)
-        step[_FREE] = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), twist)
-        return step
-
-    def CalcRate(self, q: NDArray[np.float64], V_WE: SpatialVelocity) -> NDArray[np.float64]:
-        """Joint velocities (7,) [rad/s] at which the hand has the velocity ``V_WE``."""
-        return self.SolveStep(q, V_WE.get_coeffs(), 1e-14)
-
-    def SolvePose(self, X_WE: RigidTransform, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joint angles (7,) near ``guess`` that put the hand at ``X_WE``, or as near as it gets."""
-        q = guess
-        error = self.CalcPoseError(q, X_WE)
-        factor = 1e-2
-        for _ in range(100):
-            if np.max(np.abs(error)) < _CONVERGED:
-                break
-            damping = factor * float(error @ error)  # It vanishes at the solution.
-            trial = q + np.clip(self.SolveStep(q, error, damping + 1e-14), -0.5, 0.5)
-            trial_error = self.CalcPoseError(trial, X_WE)
-            if trial_error @ trial_error < error @ error:
-                q, error, factor = trial, trial_error, max(0.1 * factor, 1e-2)
-            else:
-                factor *= 10.0
-        return q
-
-    def CheckPose(self, q: NDArray[np.float64], X_WE: RigidTransform, t: float) -> None:
-        """Raises unless ``q`` puts the hand at ``X_WE`` within the joint limits."""
-        where = f"hand path not reachable at t = {t:.2f} s:"
-        error = np.abs(self.CalcPoseError(q, X_WE))
-        if np.max(error) > 10.0 * _CONVERGED:
-            raise UnreachablePathError(
-                f"{where} no inverse-kinematics solution{self._DescribeElbow(q)}; the hand stays "
-                f"{1e3 * np.linalg.norm(error[3:]):.3g} mm and "
-                f"{math.degrees(np.linalg.norm(error[:3])):.2g} deg off. {_POSITION_REMEDY}"
-            )
-        for i, name in enumerate(JOINT_NAMES):
-            if not self.lower[i] <= q[i] <= self.upper[i]:
-                limit = self.lower[i] if q[i] < self.lower[i] else self.upper[i]
-                raise UnreachablePathError(
-                    f"{where} joint {name} would pass its limit {limit:.3f} rad "
-                    f"(it needs {q[i]:.3f} rad). {_POSITION_REMEDY}"
-                )
-
-    def CheckRate(self, q: NDArray[np.float64], rate: NDArray[np.float64], t: float) -> None:
-        """Raises when a joint velocity is beyond its limit."""
-        excess = np.abs(rate) / self.speed
-        i = int(np.argmax(excess))
-        if excess[i] > 1.0:
-            raise UnreachablePathError(
-                f"hand path too fast at t = {t:.2f} s: joint {JOINT_NAMES[i]} would pass its "
-                f"velocity limit {self.speed[i]:.4g} rad/s (it needs {abs(rate[i]):.4g} rad/s)"
-                f"{self._DescribeElbow(q)}. "
-                f"{_POSITION_REMEDY if self._DescribeElbow(q) else _VELOCITY_REMEDY}"
-            )
-
-    def _DescribeElbow(self, q: NDArray[np.float64]) -> str:
-        return ", as the arm is almost stretched" if abs(q[_E1]) < 0.4 else ""
-
-    def SolveStart(self, X_WE: RigidTransform) -> NDArray[np.float64]:
-        """Joint angles, elbow up, of the path's first pose, which may be far from the nominal."""
-        problem: UnreachablePathError | None = None
-        for turn in np.radians([0.0, 60.0, -60.0, 120.0, -120.0]):
-            q = np.array(NOMINAL_POSITIONS)
-            q[_S1] += turn
-            X_WN = self.CalcPose(q)
-            # The way there in small steps, along which the elbow stays up.
-            axis_angle = (X_WE.rotation() @ X_WN.rotation().inverse()).ToAngleAxis()
-            for s in np.linspace(0.1, 1.0, 10):
-                R = RotationMatrix(type(axis_angle)(s * axis_angle.angle(), axis_angle.axis()))
-                p = (1.0 - s) * X_WN.translation() + s * X_WE.translation()
-                q = self.SolvePose(RigidTransform(R @ X_WN.rotation(), p), q)
-            try:
-                self.CheckPose(q, X_WE, 0.0)
-            except UnreachablePathError as error:
-                problem = problem or error
-            else:
-                if q[_E1] >= 0.0:
-                    return q
-        raise problem or UnreachablePathError(
-            "hand path not reachable at t = 0.00 s: no inverse-kinematics solution with the elbow "
-            f"up. {_POSITION_REMEDY}"
-        )
-
-
 def SolveHandPath(
     plant: MultibodyPlant, path: HandPath, *, duration: float, frame_name: str = "hand"
 ) -> PiecewisePolynomial:
@@ -272,7 +139,7 @@ def SolveHandPath(
     """
     if not 0.0 < duration < math.inf:
         raise ValueError(f"SolveHandPath: duration must be positive, not {duration} s")
-    arm = _Arm(plant, frame_name)
+    arm = ArmKinematics(plant, frame_name=frame_name)
     start = arm.SolveStart(path.CalcHandPose(0.0))
     span = duration + _MARGIN
     # The joints repeat their motion with every swing: solve for one only.
@@ -304,7 +171,7 @@ def SolveHandPath(
 
 
 def _March(
-    arm: _Arm, path: HandPath, start: NDArray[np.float64], step: float, num_steps: int
+    arm: ArmKinematics, path: HandPath, start: NDArray[np.float64], step: float, num_steps: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Joint angles and velocities at ``num_steps + 1`` times, each found from the one before."""
     knots: list[NDArray[np.float64]] = []
@@ -317,10 +184,10 @@ def _March(
             q = knots[-1] + step * (1.5 * rates[-1] - 0.5 * rates[max(k - 2, 0)])
         q = arm.SolvePose(X_WE, q)
         arm.CheckPose(q, X_WE, t)
-        rate = arm.CalcRate(q, path.CalcHandVelocity(t))
-        arm.CheckRate(q, rate, t)
+        rate = arm.SolveVelocity(q, path.CalcHandVelocity(t))
+        arm.CheckVelocity(q, rate, t)
         if knots:  # A jump to another branch of solutions shows here.
-            arm.CheckRate(q, (q - knots[-1]) / step, t)
+            arm.CheckVelocity(q, (q - knots[-1]) / step, t)
         knots.append(q)
         rates.append(rate)
     return np.array(knots), np.array(rates)

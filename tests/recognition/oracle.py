@@ -1,0 +1,140 @@
+"""The fitness of `mffdrake.recognition.matching`, point by point, slowly and independently.
+
+Works in the camera's frame, where the compiled kernel works in the target's; takes hues from
+`colorsys` and rotations from OpenCV. From the search model it reads the sampled points, from the
+solid its corners, faces and hues.
+"""
+
+import colorsys
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from synthetic import rotation
+
+
+@dataclass
+class Score:
+    """What one camera sees of one hypothesis.
+
+    Attributes:
+        inside: Counted inside points, Lambda of Eq. (21).
+        inside_matches: Those of them on a pixel of their face's hue.
+        strip: Points of the strip.
+        strip_matches: Those of them on a pixel of any hue of the model.
+        visible: Whether each face is visible.
+        border_distances: Distance of every counted inside point to the nearest side of its face
+            in the image, perpendicular to the projected side [px].
+    """
+
+    inside: int = 0
+    inside_matches: int = 0
+    strip: int = 0
+    strip_matches: int = 0
+    visible: list = field(default_factory=list)
+    border_distances: list = field(default_factory=list)
+
+    @property
+    def fitness(self):
+        """F of this camera, Eq. (21)."""
+        if self.inside == 0:
+            return 0.0
+        return max(0.0, (self.inside_matches - self.strip_matches) / self.inside)
+
+
+def fitness(matcher, psi, image_right, image_left):
+    """F of both cameras, Eq. (22)."""
+    right, left = scores(matcher, psi, image_right, image_left)
+    return 0.5 * (right.fitness + left.fitness)
+
+
+def scores(matcher, psi, image_right, image_left):
+    """Scores of the right and the left camera."""
+    baseline = np.array([-matcher.camera.baseline, 0.0, 0.0])
+    return (
+        _score(matcher, psi, image_right, np.zeros(3)),
+        _score(matcher, psi, image_left, baseline),
+    )
+
+
+def _score(matcher, psi, image, p_CO):
+    model, solid = matcher.search_model, matcher.search_model.solid
+    p, f = matcher.parameters, matcher.camera.focal_length
+    R = rotation(psi[3:])
+    origin = np.asarray(psi[:3]) - p_CO
+    corners = solid.vertices @ R.T + origin
+    middle = corners.mean(axis=0)
+    score = Score()
+    for k, face in enumerate(solid.faces):
+        around = [corners[i] for i in face]
+        normal = np.cross(around[1] - around[0], around[2] - around[1])
+        normal /= np.linalg.norm(normal)
+        center = np.mean(around, axis=0)
+        score.visible.append(-normal @ center > p.min_cosine * np.linalg.norm(center))
+        if not score.visible[-1]:
+            continue
+        sides = list(zip(around, around[1:] + around[:1], strict=True))
+        for point in model.inside_points[model.inside_start[k] : model.inside_start[k + 1]]:
+            q = R @ point + origin
+            if not all(_is_clear(q, a, b, normal, f, p.min_border_distance) for a, b in sides):
+                continue
+            score.inside += 1
+            if q[2] > 0:
+                score.border_distances.append(min(_pixels_from_side(q, a, b, f) for a, b in sides))
+            hue = _hue_at(image, q, f, p)
+            score.inside_matches += _same(hue, solid.hues[k], p)
+    for k, (i, j) in enumerate(solid.edges):
+        faces = [n for n, face in enumerate(solid.faces) if i in face and j in face]
+        if score.visible[faces[0]] == score.visible[faces[1]]:
+            continue
+        # The line of sight along the edge sweeps a plane; the strip stands perpendicular to it.
+        outward = np.cross(corners[i], corners[j])
+        outward /= np.linalg.norm(outward)
+        if outward @ (middle - corners[i]) > 0:
+            outward = -outward
+        for point in model.edge_points[model.edge_start[k] : model.edge_start[k + 1]]:
+            for offset in model.strip_offsets:
+                hue = _hue_at(image, R @ point + origin + offset * outward, f, p)
+                score.strip += 1
+                score.strip_matches += any(_same(hue, wanted, p) for wanted in solid.hues)
+    return score
+
+
+def _is_clear(q, a, b, normal, f, pixels):
+    """Whether a point of a face is some pixels off the side a-b, seen at the side's middle."""
+    along = (b - a) / np.linalg.norm(b - a)
+    inward = np.cross(normal, along)
+    sight_plane = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
+    depth = 0.5 * (a + b)[2]
+    off_plane = (q - a) @ inward * abs(inward @ sight_plane)
+    return depth <= 0 or f * off_plane / depth >= pixels
+
+
+def _pixels_from_side(q, a, b, f):
+    """Exact distance in the image from a point to the line through the projected side a-b."""
+    a, b, q = (f * x[:2] / x[2] for x in (a, b, q))
+    along = (b - a) / np.linalg.norm(b - a)
+    return abs(along[0] * (q - a)[1] - along[1] * (q - a)[0])
+
+
+def _hue_at(image, q, f, p):
+    """Hue [rad] of the pixel that shows a point, or None."""
+    height, width = image.shape[:2]
+    if q[2] <= 0:
+        return None
+    u = math.floor(f * q[0] / q[2] + (width - 1) / 2 + 0.5)
+    v = math.floor(f * q[1] / q[2] + (height - 1) / 2 + 0.5)
+    if not (0 <= u < width and 0 <= v < height):
+        return None
+    hue, saturation, value = colorsys.rgb_to_hsv(*(int(c) / 255 for c in image[v, u, :3]))
+    if saturation == 0 or saturation < p.min_saturation or value < p.min_value:
+        return None
+    return 2.0 * math.pi * hue
+
+
+def _same(hue, wanted, p):
+    """Whether a hue is the wanted one, within the tolerance around the color circle."""
+    if hue is None:
+        return False
+    turn = math.remainder(hue - wanted, 2.0 * math.pi)
+    return abs(turn) <= math.radians(p.hue_tolerance_deg)
