@@ -55,7 +55,7 @@ def RunCommand(options: argparse.Namespace) -> None:
         folder = MakeOutputFolder(options.out)
         {"run": _Run, "compare": _Compare}[options.command](options, scenario, folder)
     except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
+        name = f"cannot use {error.filename}: " if error.filename else ""
         raise UserError(f"{name}{error.strerror or error}") from error
     except (ScenarioError, UnreachablePathError, GraphicsUnavailableError) as error:
         raise UserError(str(error)) from error

@@ -63,13 +63,13 @@ def Compare(
     Raises:
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
     """
-    results: list[SimulationResult | None] = [None] * len(scenarios)
+    notify = on_result or (lambda result: None)
+    results: dict[int, SimulationResult] = {}
     if workers == 1:
         for k, scenario in enumerate(scenarios):
             results[k] = Simulate(scenario)
-            if on_result is not None:
-                on_result(results[k])
-        return results
+            notify(results[k])
+        return list(results.values())
     # Fresh processes: a forked copy of a process that has rendered would share its graphics state.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(workers, len(scenarios)), mp_context=context) as pool:
@@ -77,12 +77,11 @@ def Compare(
         try:
             for job in as_completed(jobs):
                 results[jobs[job]] = job.result()
-                if on_result is not None:
-                    on_result(job.result())
+                notify(job.result())
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return results
+    return [results[k] for k in range(len(scenarios))]
 
 
 def _Run(scenario: str) -> SimulationResult:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from mffdrake.recognition import (
     RandomStart,
     SearchModel,
     SolidModel,
+    Start,
     StereoCamera,
 )
 from mffdrake.recognition.pose import pose_from_transform
@@ -139,7 +141,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
             MffPredictor(
                 plant=arm,
                 num_hypotheses=recognizer.num_hypotheses,
-                mode=scenario.predictor.mode,
+                mode=cast(Literal["rigid", "velocity"], scenario.predictor.mode),
                 latency=scenario.predictor.latency,
                 gain=scenario.predictor.gain,
                 timing=timing,
@@ -185,9 +187,11 @@ def MakeTracker(
         The tracker.
     """
     config = scenario.recognizer
-    start = RandomStart()
-    if config.start == "near_target":
-        start = NearStart(start_pose, tuple(config.start_spread))
+    position_spread, quaternion_spread = config.start_spread
+    starts: dict[str, Start] = {
+        "random": RandomStart(),
+        "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
+    }
     model = SearchModel(solid, config.MakeSampling())
     return OneStepGaTracker(
         matcher=Matcher(model, _MakeCamera(scenario), config.MakeMatching()),
@@ -195,7 +199,7 @@ def MakeTracker(
         parameters=config.MakeParameters(),
         local_moves=config.MakeLocalMoves(),
         generations_per_frame=config.generations_per_frame,
-        start=start,
+        start=starts[config.start],
         seed=scenario.seed,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 __all__ = ["main"]
@@ -18,12 +18,12 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
-def _Positive(kind: type) -> object:
+def _Positive(kind: type[int] | type[float]) -> Callable[[str], float]:
     """A converter for positive numbers, with a message that says so."""
 
-    def Convert(text: str) -> float | int:
+    def Convert(text: str) -> float:
         try:
-            value = kind(text)
+            value: float = kind(text)
         except ValueError:
             value = 0
         if not 0 < value < float("inf"):
@@ -35,7 +35,7 @@ def _Positive(kind: type) -> object:
 
 
 def _MakeParser() -> argparse.ArgumentParser:
-    common = argparse.ArgumentParser(add_help=False)
+    common = _Parser(add_help=False)
     add = common.add_argument
     add("--scenario-file", metavar="F", help="YAML file with the scenario")
     add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")

@@ -39,13 +39,13 @@ def DrawCameraView(
         An RGB image, the left camera's on the left, shape (height, 2 width, 3).
     """
     context = _ContextOfFrame(diagram, result, frame)
-    images = [
+    right, left = (
         diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
         for side in ("right", "left")
-    ]
+    )
     matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
     solid, camera = matcher.search_model.solid, matcher.camera
-    return DrawOutline(*images, result.recognized_pose[frame], solid, camera)
+    return DrawOutline(right, left, result.recognized_pose[frame], solid, camera)
 
 
 def DrawScene(
@@ -118,9 +118,10 @@ def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
         raise FileNotFoundError(
             "drawing the diagram needs Graphviz; install it with: sudo apt-get install graphviz"
         )
-    (graph,) = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
+    graphs = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
+    assert graphs is not None  # Drake writes what pydot reads.
     with WholeFile(path) as part:
-        part.write_bytes(graph.create(format=Path(path).suffix[1:]))
+        graphs[0].write(str(part), format=Path(path).suffix[1:])
 
 
 def _ContextOfFrame(diagram: Diagram, result: SimulationResult, frame: int) -> Context:

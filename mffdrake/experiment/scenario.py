@@ -4,7 +4,9 @@
 
 import dataclasses as dc
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal, TypeVar, cast
 
 from pydrake.common.schema import Transform
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
@@ -16,6 +18,7 @@ from mffdrake.recognition import (
     GeneticParameters,
     LocalMoveParameters,
     MatchingParameters,
+    NearStart,
     SamplingParameters,
     SearchRange,
 )
@@ -34,6 +37,11 @@ METHODS = ("ga", "mff")
 def _LikeFirstHandPose(translation: list[float]) -> Transform:
     """A pose with the axes of the paper's first hand pose: z forward, x right, y down."""
     return Transform(RigidTransform(RollPitchYaw(-0.5 * math.pi, 0, -0.5 * math.pi), translation))
+
+
+def _List(values: Sequence[float]) -> list[float]:
+    """A list field with a default of its own; Drake's YAML reader knows no tuples."""
+    return dc.field(default_factory=lambda: list(values))
 
 
 @dc.dataclass(kw_only=True)
@@ -95,7 +103,7 @@ class CameraConfig:
     height: int = 480
     fov_y_deg: float = 45.0
     baseline: float = DEFAULT_BASELINE
-    p_EC: list[float] = dc.field(default_factory=lambda: list(DEFAULT_P_EC))
+    p_EC: list[float] = _List(DEFAULT_P_EC)
 
 
 @dc.dataclass(kw_only=True)
@@ -111,37 +119,63 @@ class TargetConfig:
     X_WM: Transform = dc.field(default_factory=lambda: _LikeFirstHandPose([1.718, 0.0, 0.455]))
 
 
-def _Fields(source: type, **changed: type) -> type:
-    """A class of fields with another dataclass's names, types and defaults, for Drake's YAML.
+@dc.dataclass(kw_only=True)
+class SearchRangeConfig:
+    """Least and greatest of every coordinate [m]; see `SearchRange`."""
 
-    Tuples become lists, which Drake's YAML reader knows.
-    """
-    fields = []
-    for field in dc.fields(source):
-        default = field.default
-        if isinstance(default, tuple):
-            fields.append(
-                (field.name, list[float], dc.field(default_factory=lambda d=default: list(d)))
-            )
-        else:
-            kind = changed.get(field.name, type(default))
-            fields.append((field.name, kind, dc.field(default=default)))
-    return dc.make_dataclass(f"{source.__name__}Config", fields, namespace={"__module__": __name__})
+    x: list[float] = _List(SearchRange.x)
+    y: list[float] = _List(SearchRange.y)
+    z: list[float] = _List(SearchRange.z)
+    eps1: list[float] = _List(SearchRange.eps1)
+    eps2: list[float] = _List(SearchRange.eps2)
+    eps3: list[float] = _List(SearchRange.eps3)
 
 
-SearchRangeConfig = _Fields(SearchRange)
-SamplingConfig = _Fields(SamplingParameters, margin=float | None)
-MatchingConfig = _Fields(MatchingParameters)
-LocalMovesConfig = _Fields(LocalMoveParameters)
+@dc.dataclass(kw_only=True)
+class SamplingConfig:
+    """How densely the solid is sampled [m]; see `SamplingParameters`."""
+
+    spacing: float = SamplingParameters.spacing
+    margin: float | None = SamplingParameters.margin
+    strip_offsets: list[float] = _List(SamplingParameters.strip_offsets)
 
 
-def _Made(config: object, target: type) -> object:
-    """The parameter object that a class of `_Fields` stands for; it checks the ranges."""
+@dc.dataclass(kw_only=True)
+class MatchingConfig:
+    """When a pixel has a face's color, and what counts; see `MatchingParameters`."""
+
+    hue_tolerance_deg: float = MatchingParameters.hue_tolerance_deg
+    min_saturation: float = MatchingParameters.min_saturation
+    min_value: float = MatchingParameters.min_value
+    min_cosine: float = MatchingParameters.min_cosine
+    min_border_distance: float = MatchingParameters.min_border_distance
+
+
+@dc.dataclass(kw_only=True)
+class LocalMovesConfig:
+    """How far the small motions go; see `LocalMoveParameters`."""
+
+    depth: float = LocalMoveParameters.depth
+    shift: float = LocalMoveParameters.shift
+    rotation_deg: float = LocalMoveParameters.rotation_deg
+    decades: float = LocalMoveParameters.decades
+    sparsity: float = LocalMoveParameters.sparsity
+
+
+_Coding = Literal["binary", "gray"]
+_Parameters = TypeVar("_Parameters")
+
+
+def _Made(
+    config: SearchRangeConfig | SamplingConfig | MatchingConfig | LocalMovesConfig,
+    kind: type[_Parameters],
+) -> _Parameters:
+    """The parameter object with a section's values; it checks their ranges."""
     values = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in dc.asdict(config).items()
     }
-    return target(**values)
+    return kind(**values)
 
 
 @dc.dataclass(kw_only=True)
@@ -177,7 +211,7 @@ class RecognizerConfig:
     first_candidates: int = GeneticParameters.first_candidates
     search_range: SearchRangeConfig = dc.field(default_factory=SearchRangeConfig)
     start: str = "random"
-    start_spread: list[float] = dc.field(default_factory=lambda: [0.010, 0.020])
+    start_spread: list[float] = _List(NearStart.spread)
     sampling: SamplingConfig = dc.field(default_factory=SamplingConfig)
     matching: MatchingConfig = dc.field(default_factory=MatchingConfig)
     local_moves: LocalMovesConfig = dc.field(default_factory=LocalMovesConfig)
@@ -185,7 +219,9 @@ class RecognizerConfig:
     def MakeCoding(self) -> GeneCoding:
         """The genes."""
         return GeneCoding(
-            search_range=_Made(self.search_range, SearchRange), bits=self.bits, coding=self.coding
+            search_range=_Made(self.search_range, SearchRange),
+            bits=self.bits,
+            coding=cast(_Coding, self.coding),
         )
 
     def MakeParameters(self) -> GeneticParameters:
@@ -320,8 +356,8 @@ class Scenario:
             try:
                 make()
             except ValueError as error:
-                prefix = "" if str(error).startswith(section) else f"{section}: "
-                raise ScenarioError(f"{prefix}{error}") from error
+                named = str(error).startswith((section, section.replace("_", " ")))
+                raise ScenarioError(f"{'' if named else section + ': '}{error}") from error
         latency, period = self.predictor.latency, self.timing.control_period
         _Require(
             0 <= latency < math.inf and abs(latency / period - round(latency / period)) < 1e-6,

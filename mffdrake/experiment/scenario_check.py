@@ -73,7 +73,7 @@ def CheckKeysAndTypes(data: dict[str, Any], schema: type, where: str = "") -> No
 
 
 def _CheckValue(value: Any, kind: Any, where: str) -> None:
-    if dc.is_dataclass(kind):
+    if isinstance(kind, type) and dc.is_dataclass(kind):
         if not isinstance(value, dict):
             names = ", ".join(field.name for field in dc.fields(kind))
             raise ScenarioError(f"{where} must be a mapping with the keys {names}, not {value!r}")

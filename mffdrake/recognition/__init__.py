@@ -21,7 +21,7 @@ from mffdrake.recognition.solid_model import (
     SolidModel,
 )
 from mffdrake.recognition.stereo import StereoCamera
-from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker, RandomStart
+from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker, RandomStart, Start
 
 __all__ = [
     "BLUE",
@@ -43,5 +43,6 @@ __all__ = [
     "SearchModel",
     "SearchRange",
     "SolidModel",
+    "Start",
     "StereoCamera",
 ]

@@ -244,6 +244,8 @@ def AddGravityCompensation(
         InverseDynamics(arm_plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation)
     )
     gravity_compensation.set_name(name)
+    # Drake's system only points to the plant, which must live as long as the diagram does.
+    gravity_compensation.arm_plant = arm_plant
     builder.Connect(estimated_state, gravity_compensation.get_input_port_estimated_state())
     builder.Connect(gravity_compensation.get_output_port_generalized_force(), feedforward_torque)
     return gravity_compensation

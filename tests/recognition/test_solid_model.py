@@ -1,0 +1,362 @@
+"""Colored solids, files of them, and the points they are sampled at: equations (19), (20)."""
+
+import colorsys
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import BOX_SIZE, hexagonal_prism, paper_box, rotation, tetrahedron
+
+from mffdrake.recognition import (
+    BLUE,
+    GREEN,
+    RED,
+    SamplingParameters,
+    SearchModel,
+    SolidModel,
+)
+
+TARGET_BOX = Path(__file__).parents[2] / "models" / "target_box.obj"
+SOLIDS = {"box": paper_box(), "prism": hexagonal_prism(), "tetrahedron": tetrahedron()}
+EDGES = {"box": 12, "prism": 18, "tetrahedron": 6}
+CELLS = SamplingParameters(spacing=0.020, margin=None, strip_offsets=(0.006,))
+
+solids = pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS)
+
+
+def as_sets(solid):
+    """The faces as sets of corner points with their hues, whatever order they stand in."""
+    return {
+        (frozenset(tuple(p) for p in solid.vertices[list(face)].round(6) + 0.0), round(hue, 5))
+        for face, hue in zip(solid.faces, solid.hues, strict=True)
+    }
+
+
+def write_obj(folder, solid, *, turned=(0, 0, 0), digits=9, colors=None):
+    """An OBJ file of a solid with its MTL file, one material a face."""
+    if colors is None:
+        colors = [colorsys.hsv_to_rgb(hue / (2 * math.pi), 1.0, 0.8) for hue in solid.hues]
+    materials = [f"newmtl m{k}\nKd {r} {g} {b}\n" for k, (r, g, b) in enumerate(colors)]
+    (folder / "solid.mtl").write_text("\n".join(materials))
+    lines = ["mtllib solid.mtl"]
+    for x, y, z in solid.vertices @ rotation(turned).T:
+        lines.append(f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f}")
+    for k, face in enumerate(solid.faces):
+        lines += [f"usemtl m{k}", "f " + " ".join(str(i + 1) for i in face)]
+    path = folder / "solid.obj"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+# Solids
+
+
+def test_box_has_the_given_size_and_a_hue_for_each_axis():
+    box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+    assert (len(box.vertices), len(box.faces), len(box.edges)) == (8, 6, 12)
+    np.testing.assert_allclose(np.ptp(box.vertices, axis=0), [0.1, 0.15, 0.2])
+    np.testing.assert_allclose(box.vertices.mean(axis=0), 0.0, atol=1e-17)
+    for normal, center, hue in zip(box.normals, box.centers, box.hues, strict=True):
+        axis = np.argmax(np.abs(normal))
+        assert hue == (RED, GREEN, BLUE)[axis]
+        np.testing.assert_allclose(center, normal * (0.05, 0.075, 0.1))
+    assert len(np.unique(box.normals.round(9), axis=0)) == 6
+
+
+def test_primary_hues_are_those_of_the_color_circle():
+    for hue, color in ((RED, (1, 0, 0)), (GREEN, (0, 1, 0)), (BLUE, (0, 0, 1))):
+        assert 2 * math.pi * colorsys.rgb_to_hsv(*color)[0] == pytest.approx(hue)
+
+
+@solids
+def test_normals_are_outward_unit_vectors_perpendicular_to_their_face(solid):
+    middle = solid.vertices.mean(axis=0)
+    for face, normal, center in zip(solid.faces, solid.normals, solid.centers, strict=True):
+        corners = solid.vertices[list(face)]
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        np.testing.assert_allclose((corners - center) @ normal, 0.0, atol=1e-15)
+        assert normal @ (center - middle) > 0
+        np.testing.assert_allclose(center, corners.mean(axis=0))
+        # Corners run counterclockwise, seen from outside.
+        turns = np.cross(np.roll(corners, -1, axis=0) - corners, np.roll(corners, 1, 0) - corners)
+        assert (turns @ normal > 0).all()
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_every_edge_is_shared_by_the_two_faces_listed_for_it(name):
+    solid = SOLIDS[name]
+    assert len(solid.edges) == len(solid.edge_faces) == EDGES[name]
+    assert len(solid.vertices) - len(solid.edges) + len(solid.faces) == 2  # Euler
+    for ends, faces in zip(solid.edges, solid.edge_faces, strict=True):
+        sharing = {k for k, face in enumerate(solid.faces) if set(ends) <= set(face)}
+        assert sharing == set(faces) and len(sharing) == 2
+
+
+def test_hues_are_taken_around_the_circle():
+    box = SolidModel.box(BOX_SIZE, (-math.pi / 3, 2 * math.pi, 7.0))
+    np.testing.assert_allclose(box.hues[::2], [5 * math.pi / 3, 0.0, 7.0 - 2 * math.pi])
+
+
+def test_hues_and_faces_must_be_equally_many():
+    box = paper_box()
+    with pytest.raises(ValueError, match="6 faces need as many hues, not 5"):
+        SolidModel(box.vertices, box.faces, box.hues[:5])
+
+
+def test_open_solids_are_rejected():
+    box = paper_box()
+    with pytest.raises(ValueError, match="closed"):
+        SolidModel(box.vertices, box.faces[:5], box.hues[:5])
+
+
+def test_solids_with_a_dent_are_rejected():
+    # The square pyramid's apex pushed through the base of a box: a notch in its top.
+    box = paper_box()
+    notch = np.vstack([box.vertices, [0.0, 0.0, 0.02]])
+    top = box.faces[4]
+    walls = [(top[i], top[(i + 1) % 4], 8) for i in range(4)]
+    faces = [*box.faces[:4], *walls, box.faces[5]]
+    with pytest.raises(ValueError, match="not convex"):
+        SolidModel(notch, faces, np.zeros(len(faces)))
+    # The same apex outside makes a convex solid: the notch was what was wrong.
+    notch[8, 2] = 0.12
+    assert len(SolidModel(notch, faces, np.zeros(len(faces))).edges) == 16
+
+
+def test_l_shaped_solids_are_rejected():
+    outline = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]) * 0.05
+    vertices = [(*p, z) for z in (0.0, 0.1) for p in outline]
+    sides = [(i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i) for i in range(6)]
+    faces = [tuple(range(5, -1, -1)), tuple(range(6, 12)), *sides]
+    with pytest.raises(ValueError, match="not convex"):
+        SolidModel(vertices, faces, np.zeros(8))
+
+
+def test_faces_listed_clockwise_are_rejected():
+    box = paper_box()
+    with pytest.raises(ValueError, match="clockwise"):
+        SolidModel(box.vertices, [face[::-1] for face in box.faces], box.hues)
+
+
+# Files
+
+
+def test_the_target_s_file_is_the_paper_s_box():
+    assert as_sets(SolidModel.from_mesh_file(TARGET_BOX)) == as_sets(paper_box())
+
+
+def test_files_may_be_named_by_a_string():
+    assert len(SolidModel.from_mesh_file(str(TARGET_BOX)).faces) == 6
+
+
+@pytest.mark.parametrize("turned", [(0, 0, 0), (0.3, -0.2, 0.1), (-0.5, 0.4, 0.3)])
+@solids
+def test_a_solid_written_to_a_file_reads_back(solid, turned, tmp_path):
+    read = SolidModel.from_mesh_file(write_obj(tmp_path, solid, turned=turned))
+    expected = SolidModel(solid.vertices @ rotation(turned).T, solid.faces, solid.hues)
+    assert as_sets(read) == as_sets(expected)
+    np.testing.assert_allclose(
+        sorted(map(tuple, read.normals.round(6) + 0.0)),
+        sorted(map(tuple, expected.normals.round(6) + 0.0)),
+        atol=2e-6,
+    )
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.parametrize("turned", [(0.3, -0.2, 0.1), (-0.5, 0.4, 0.3), (0.1, 0.1, 0.1)])
+def test_coordinates_rounded_to_a_micrometer_read_back(name, turned, tmp_path):
+    # What modeling tools write: six digits, so corners of a turned face leave its plane a little.
+    path = write_obj(tmp_path, SOLIDS[name], turned=turned, digits=6)
+    read = SolidModel.from_mesh_file(path)
+    assert (len(read.faces), len(read.edges)) == (len(SOLIDS[name].faces), EDGES[name])
+
+
+def test_neighboring_faces_in_one_plane_merge_by_their_color(tmp_path):
+    # A box whose top is cut in two: halves of one color are one face, of two colors two.
+    box = paper_box()
+    a, b, c, d = box.faces[4]
+    faces = [*box.faces[:4], (a, b, c), (a, c, d), box.faces[5]]
+    colors = [(1, 0, 0)] * 2 + [(0, 1, 0)] * 2 + [(0, 0, 1)] * 3
+
+    class Cut:
+        vertices = box.vertices
+
+    Cut.faces = faces
+    assert as_sets(SolidModel.from_mesh_file(write_obj(tmp_path, Cut, colors=colors))) == as_sets(
+        box
+    )
+    colors[4] = (1, 1, 0)
+    two = SolidModel.from_mesh_file(write_obj(tmp_path, Cut, colors=colors))
+    assert (len(two.faces), len(two.edges)) == (7, 13)
+
+
+def test_grey_materials_are_rejected(tmp_path):
+    colors = [(1, 0, 0)] * 5 + [(0.5, 0.6, 0.55)]
+    with pytest.raises(ValueError, match=r"solid\.obj.* grey"):
+        SolidModel.from_mesh_file(write_obj(tmp_path, paper_box(), colors=colors))
+
+
+def test_meshes_without_materials_are_rejected(tmp_path):
+    path = write_obj(tmp_path, paper_box())
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for line in lines if "mtl" not in line))
+    with pytest.raises(ValueError, match=r"solid\.obj"):
+        SolidModel.from_mesh_file(path)
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing_here.obj"):
+        SolidModel.from_mesh_file(tmp_path / "nothing_here.obj")
+
+
+def test_dents_in_a_file_are_rejected(tmp_path):
+    box = paper_box()
+
+    class Dented:
+        vertices = np.vstack([box.vertices, [0.0, 0.0, 0.02]])
+        faces = [*box.faces[:4], *((*pair, 8) for pair in _sides(box.faces[4])), box.faces[5]]
+
+    with pytest.raises(ValueError, match="not convex"):
+        SolidModel.from_mesh_file(write_obj(tmp_path, Dented, colors=[(1, 0, 0)] * 9))
+
+
+def _sides(face):
+    return [(face[i], face[(i + 1) % len(face)]) for i in range(len(face))]
+
+
+# Sampling
+
+
+def side_distances(solid, face, normal, points):
+    """Distances of points in a face's plane to its sides, positive inside: (P, sides)."""
+    corners = solid.vertices[list(face)]
+    sides = np.roll(corners, -1, axis=0) - corners
+    inward = np.cross(normal, sides / np.linalg.norm(sides, axis=1, keepdims=True))
+    return np.einsum("psk,sk->ps", points[:, None] - corners, inward)
+
+
+def test_the_paper_s_box_has_340_inside_points_on_cells_of_20_mm():
+    model = SearchModel(paper_box(), CELLS)
+    # Faces normal to x, y, z: 8 x 10, 5 x 10 and 5 x 8 cells, twice.
+    np.testing.assert_array_equal(np.diff(model.inside_start), [80, 80, 50, 50, 40, 40])
+    assert len(model.inside_points) == 340
+    # Edges along x, y, z, four each: 5, 8 and 10 cells.
+    along = np.argmax(np.abs(model.edge_directions), axis=1)
+    np.testing.assert_array_equal(np.diff(model.edge_start), np.array([5, 8, 10])[along])
+    assert len(model.edge_points) == 4 * (5 + 8 + 10)
+
+
+def test_cells_are_equal_and_their_centers_half_a_cell_off_the_edges():
+    model = SearchModel(paper_box(), CELLS)
+    top = model.inside_points[model.inside_start[4] : model.inside_start[5]]
+    x = -0.050 + 0.020 * (np.arange(5) + 0.5)
+    y = -0.075 + 0.150 / 8 * (np.arange(8) + 0.5)
+    expected = {(round(a, 9), round(b, 9), 0.1) for a in x for b in y}
+    assert {tuple(p) for p in top.round(9) + 0.0} == expected
+
+
+def test_margin_puts_the_outermost_points_that_far_from_the_edges():
+    model = SearchModel(paper_box(), SamplingParameters(spacing=0.020, margin=0.002))
+    top = model.inside_points[model.inside_start[4] : model.inside_start[5]]
+    # 96 mm and 146 mm in steps of at most 20 mm: 5 and 8 of them.
+    expected = {
+        (round(a, 9), round(b, 9), 0.1)
+        for a in np.linspace(-0.048, 0.048, 6)
+        for b in np.linspace(-0.073, 0.073, 9)
+    }
+    assert {tuple(p) for p in top.round(9) + 0.0} == expected
+
+
+@pytest.mark.parametrize("margin", [None, 0.002, 0.010, 0.030])
+@pytest.mark.parametrize("spacing", [0.007, 0.020, 0.050])
+@solids
+def test_inside_points_lie_in_their_face_no_nearer_to_its_edges_than_the_margin(
+    solid, spacing, margin
+):
+    model = SearchModel(solid, SamplingParameters(spacing=spacing, margin=margin))
+    assert len(model.inside_start) == len(solid.faces) + 1
+    assert model.inside_start[-1] == len(model.inside_points)
+    for k, face in enumerate(solid.faces):
+        part = slice(*model.inside_start[k : k + 2])
+        points, normal = model.inside_points[part], solid.normals[k]
+        assert len(points) > 0
+        np.testing.assert_allclose((points - solid.centers[k]) @ normal, 0.0, atol=1e-14)
+        distances = side_distances(solid, face, normal, points)
+        assert distances.min() > 0
+        # A face too small for the margin keeps one point in its middle.
+        middle = side_distances(solid, face, normal, solid.centers[k : k + 1])
+        if margin is not None and middle.min() > margin:
+            assert distances.min() >= margin - 1e-8
+        np.testing.assert_allclose(
+            model.inside_distances[part, : len(face)], distances, atol=1e-14
+        )
+        assert np.isposinf(model.inside_distances[part, len(face) :]).all()
+        assert len(np.unique(points.round(9), axis=0)) == len(points)
+
+
+def test_a_face_too_small_for_the_margin_is_sampled_in_its_middle():
+    model = SearchModel(paper_box(), SamplingParameters(margin=0.090))
+    np.testing.assert_allclose(model.inside_points, paper_box().centers, atol=1e-15)
+
+
+@pytest.mark.parametrize("spacing", [0.007, 0.020, 0.050])
+@pytest.mark.parametrize("margin", [None, 0.002])
+def test_neighbors_are_at_most_the_spacing_apart(spacing, margin):
+    model = SearchModel(paper_box(), SamplingParameters(spacing=spacing, margin=margin))
+    for k in range(6):
+        points = model.inside_points[model.inside_start[k] : model.inside_start[k + 1]].round(9)
+        for axis in range(3):
+            steps = np.diff(np.unique(points[:, axis]))
+            assert steps.max(initial=0.0) <= spacing + 1e-8
+    for k in range(12):
+        points = model.edge_points[model.edge_start[k] : model.edge_start[k + 1]]
+        assert np.linalg.norm(np.diff(points, axis=0), axis=1).max(initial=0.0) <= spacing + 1e-12
+
+
+@solids
+def test_edge_points_divide_their_edge_evenly(solid):
+    model = SearchModel(solid, CELLS)
+    assert model.edge_start[-1] == len(model.edge_points)
+    for k, (a, b) in enumerate(solid.vertices[solid.edges]):
+        points = model.edge_points[model.edge_start[k] : model.edge_start[k + 1]]
+        length = np.linalg.norm(b - a)
+        np.testing.assert_allclose(model.edge_directions[k], (b - a) / length, atol=1e-14)
+        shares = (np.arange(len(points)) + 0.5) / len(points)
+        np.testing.assert_allclose(points, a + shares[:, None] * (b - a), atol=1e-15)
+        assert len(points) == math.ceil(length / 0.020 - 1e-9)
+
+
+@solids
+def test_sides_are_listed_with_their_middle_and_direction(solid):
+    model = SearchModel(solid)
+    for k, face in enumerate(solid.faces):
+        for s, (i, j) in enumerate(_sides(face)):
+            a, b = solid.vertices[[i, j]]
+            np.testing.assert_allclose(model.side_centers[k, s], 0.5 * (a + b), atol=1e-15)
+            direction = (b - a) / np.linalg.norm(b - a)
+            np.testing.assert_allclose(model.side_directions[k, s], direction, atol=1e-15)
+
+
+def test_strip_offsets_are_passed_on():
+    model = SearchModel(paper_box(), SamplingParameters(strip_offsets=(0.001, 0.004, 0.009)))
+    np.testing.assert_array_equal(model.strip_offsets, [0.001, 0.004, 0.009])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("spacing", 0.0),
+        ("spacing", -0.02),
+        ("spacing", math.nan),
+        ("margin", 0.0),
+        ("margin", -0.001),
+        ("margin", math.nan),
+        ("strip_offsets", ()),
+        ("strip_offsets", (0.002, 0.0)),
+        ("strip_offsets", (-0.002,)),
+    ],
+)
+def test_lengths_must_be_positive(name, value):
+    with pytest.raises(ValueError, match=name):
+        SamplingParameters(**{name: value})
