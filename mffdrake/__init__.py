@@ -15,15 +15,19 @@ _MODULES = {
     "experiment.comparison": "Compare MakeVariants",
     "experiment.diagram": "MakeHandEyeDiagram",
     "experiment.evaluation": "Evaluate MarkdownTable",
+    "experiment.pictures": "DrawCameraView DrawScene SaveDiagram SaveImage",
+    "experiment.plotting": "PlotComparison PlotErrors PlotHandPath PlotPose SaveFigure",
     "experiment.scenario": "LoadScenario Scenario ScenarioError",
     "experiment.simulation": "Simulate SimulationResult",
+    "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
         "GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters NearStart "
         "OneStepGaTracker RandomStart SamplingParameters SearchModel SearchRange SolidModel "
         "StereoCamera"
     ),
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",
-    "systems.hand_path": "AddHandPathSource HandPath SolveHandPath UnreachablePathError",
+    "systems.hand_path": "AddHandPathSource HandPath SolveHandPath",
+    "systems.inverse_kinematics": "UnreachablePathError",
     "systems.models": "ConfigureParser FindModelsPath",
     "systems.pa10": "AddCameraFrames AddPa10 MakePa10Plant",
     "systems.pd_controller": "PD_GAINS AddGravityCompensation PdController PdGains",

@@ -29,7 +29,7 @@ from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.visualization import SaveReplay
 from mffdrake.systems.graphics import GraphicsUnavailableError
-from mffdrake.systems.hand_path import UnreachablePathError
+from mffdrake.systems.inverse_kinematics import UnreachablePathError
 
 __all__ = ["RunCommand", "UserError"]
 

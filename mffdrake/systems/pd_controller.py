@@ -211,8 +211,8 @@ def AddGravityCompensation(
 ) -> InverseDynamics:
     """Adds the torques that carry the arm's weight, and connects them to a controller.
 
-    Without them, the soft gains of :meth:`PdGains.LightlyDamped` let the hand sag by more than
-    100 mm.
+    Without them, the soft gains of :meth:`PdGains.LightlyDamped` let joint S2 give way by 20 deg
+    under the weight of the arm alone.
 
     Args:
         builder: The builder of the diagram.

@@ -23,8 +23,7 @@ class Score:
         strip: Points of the strip.
         strip_matches: Those of them on a pixel of any hue of the model.
         visible: Whether each face is visible.
-        border_distances: Distance of every counted inside point to the nearest side of its face
-            in the image, perpendicular to the projected side [px].
+        points: The counted inside points in the camera's frame, each with its face's sides.
     """
 
     inside: int = 0
@@ -32,7 +31,7 @@ class Score:
     strip: int = 0
     strip_matches: int = 0
     visible: list = field(default_factory=list)
-    border_distances: list = field(default_factory=list)
+    points: list = field(default_factory=list)
 
     @property
     def fitness(self):
@@ -74,13 +73,14 @@ def _score(matcher, psi, image, p_CO):
         if not score.visible[-1]:
             continue
         sides = list(zip(around, around[1:] + around[:1], strict=True))
+        # A side behind the camera has no image and sets no limit.
+        clearances = [_clearance(a, b, normal, f) for a, b in sides if (a + b)[2] > 0]
         for point in model.inside_points[model.inside_start[k] : model.inside_start[k + 1]]:
             q = R @ point + origin
-            if not all(_is_clear(q, a, b, normal, f, p.min_border_distance) for a, b in sides):
+            if any((q - a) @ gain < p.min_border_distance for a, gain in clearances):
                 continue
             score.inside += 1
-            if q[2] > 0:
-                score.border_distances.append(min(_pixels_from_side(q, a, b, f) for a, b in sides))
+            score.points.append((q, sides))
             hue = _hue_at(image, q, f, p)
             score.inside_matches += _same(hue, solid.hues[k], p)
     for k, (i, j) in enumerate(solid.edges):
@@ -100,18 +100,24 @@ def _score(matcher, psi, image, p_CO):
     return score
 
 
-def _is_clear(q, a, b, normal, f, pixels):
-    """Whether a point of a face is some pixels off the side a-b, seen at the side's middle."""
+def _clearance(a, b, normal, f):
+    """The side a-b of a face as a point and the pixels that a step inward [m] moves off it.
+
+    Reckoned at the depth of the side's middle.
+    """
     along = (b - a) / np.linalg.norm(b - a)
     inward = np.cross(normal, along)
     sight_plane = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
-    depth = 0.5 * (a + b)[2]
-    off_plane = (q - a) @ inward * abs(inward @ sight_plane)
-    return depth <= 0 or f * off_plane / depth >= pixels
+    return a, f * abs(inward @ sight_plane) / (0.5 * (a + b)[2]) * inward
+
+
+def border_distances(score, f):
+    """Exact distance of each counted point to the nearest side of its face in the image [px]."""
+    return [min(_pixels_from_side(q, a, b, f) for a, b in sides) for q, sides in score.points]
 
 
 def _pixels_from_side(q, a, b, f):
-    """Exact distance in the image from a point to the line through the projected side a-b."""
+    """Distance in the image from a point to the line through the projected side a-b."""
     a, b, q = (f * x[:2] / x[2] for x in (a, b, q))
     along = (b - a) / np.linalg.norm(b - a)
     return abs(along[0] * (q - a)[1] - along[1] * (q - a)[0])

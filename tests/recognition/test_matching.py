@@ -1,0 +1,508 @@
+"""Equations (19)-(22): the fitness of poses, against closed forms and a brute-force oracle."""
+
+import colorsys
+import math
+
+import numpy as np
+import oracle
+import pytest
+from synthetic import (
+    GREY,
+    PAPER_POSITION,
+    arc_poses,
+    hexagonal_prism,
+    paper_box,
+    pose,
+    random_poses,
+    random_poses_in_view,
+    render,
+    small_camera,
+    tetrahedron,
+)
+
+from mffdrake.recognition import (
+    BLUE,
+    GREEN,
+    RED,
+    Matcher,
+    MatchingParameters,
+    SamplingParameters,
+    SearchModel,
+    SolidModel,
+    StereoCamera,
+)
+
+CAMERA = StereoCamera()
+SOLIDS = {"box": paper_box(), "prism": hexagonal_prism(), "tetrahedron": tetrahedron()}
+MATCHERS = {name: Matcher(SearchModel(solid), CAMERA) for name, solid in SOLIDS.items()}
+
+matchers = pytest.mark.parametrize("matcher", MATCHERS.values(), ids=MATCHERS)
+
+
+def solid_of(matcher):
+    return matcher.search_model.solid
+
+
+def fitness_at(matcher, psi, **how):
+    """Fitness of the true pose on its own images."""
+    images = render(solid_of(matcher), psi, matcher.camera, **how)
+    return matcher.fitness([psi], *images)[0]
+
+
+def color_of(hue, saturation=1.0, value=1.0):
+    """8-bit color of a hue [rad]."""
+    rgb = colorsys.hsv_to_rgb(hue / (2 * math.pi), saturation, value)
+    return np.rint(255 * np.array(rgb)).astype(np.uint8)
+
+
+def painted(color, camera=CAMERA):
+    """A pair of images of one color."""
+    image = np.full((camera.height, camera.width, 3), color, dtype=np.uint8)
+    return image, image
+
+
+# The true pose
+
+
+@pytest.mark.parametrize("psi", arc_poses(9))
+def test_true_pose_fits_all_along_the_paper_s_arc(psi):
+    assert fitness_at(MATCHERS["box"], psi) >= 0.98
+
+
+@matchers
+def test_true_pose_fits_anywhere_in_the_search_range(matcher):
+    rng = np.random.default_rng(1)
+    poses = random_poses_in_view(rng, solid_of(matcher), CAMERA, 25)
+    assert min(fitness_at(matcher, psi) for psi in poses) >= 0.98
+
+
+@matchers
+def test_true_pose_fits_anti_aliased_images(matcher):
+    rng = np.random.default_rng(2)
+    poses = [*random_poses_in_view(rng, solid_of(matcher), CAMERA, 4), *arc_poses(2)]
+    assert min(fitness_at(matcher, psi, supersampling=3) for psi in poses) >= 0.98
+
+
+@pytest.mark.parametrize("brightness", [0.25, 0.7])
+def test_true_pose_fits_faces_in_the_shade(brightness):
+    assert fitness_at(MATCHERS["box"], pose(PAPER_POSITION), brightness=brightness) >= 0.98
+
+
+@pytest.mark.parametrize("background", [0, 64, 255])
+def test_no_grey_background_counts_as_a_color(background):
+    assert fitness_at(MATCHERS["box"], pose(PAPER_POSITION), background=background) >= 0.98
+
+
+# Wrong poses
+
+
+@pytest.mark.parametrize(
+    ("deviation", "most"),
+    [
+        ([0.014, 0, 0, 0, 0, 0], 0.9),
+        ([0, 0.014, 0, 0, 0, 0], 0.9),
+        ([0, 0, 0.030, 0, 0, 0], 0.95),
+        ([0, 0, 0, 0.15, 0, 0], 0.9),
+        ([0, 0, 0, 0, 0.15, 0], 0.9),
+        ([0, 0, 0, 0, 0, 0.15], 0.9),
+    ],
+    ids=["x", "y", "z", "eps1", "eps2", "eps3"],
+)
+def test_a_wrong_coordinate_lowers_the_fitness(deviation, most):
+    matcher = MATCHERS["box"]
+    rng = np.random.default_rng(3)
+    for psi in [*arc_poses(3), *random_poses_in_view(rng, solid_of(matcher), CAMERA, 5)]:
+        images = render(solid_of(matcher), psi, CAMERA)
+        true, above, below = matcher.fitness(psi + np.outer([0, 1, -1], deviation), *images)
+        assert max(above, below) < most < true
+
+
+@matchers
+def test_random_poses_score_less_than_the_true_one(matcher):
+    rng = np.random.default_rng(4)
+    for psi in random_poses_in_view(rng, solid_of(matcher), CAMERA, 2):
+        images = render(solid_of(matcher), psi, CAMERA)
+        others = random_poses(rng, 1000)
+        far = np.linalg.norm(others[:, :3] - psi[:3], axis=1) > 0.030
+        assert matcher.fitness(others[far], *images).max() < 0.9
+
+
+def test_a_plain_wall_of_the_face_s_color_is_no_match():
+    # The inside points all match, and so does the strip.
+    matcher = front_face_matcher((BLUE,) * 6, (0.006, 0.008))
+    assert matcher.fitness([pose((0, 0, 0.8))], *painted(color_of(BLUE))) == 0.0
+
+
+# Closed forms: a box seen head-on, so that both cameras see its front face alone
+
+FRONT = 40  # inside points of the 100 mm x 150 mm face, on cells of 20 mm
+OUTLINE = 2 * (5 + 8)  # points of one row of the strip around it
+
+
+def front_face_matcher(hues, strip_offsets=(0.006,), **parameters):
+    """A box with a hue for each face +x, -x, +y, -y, +z, -z, and two cameras 10 mm apart."""
+    box = paper_box()
+    sampling = SamplingParameters(spacing=0.020, margin=None, strip_offsets=strip_offsets)
+    return Matcher(
+        SearchModel(SolidModel(box.vertices, box.faces, hues), sampling),
+        StereoCamera(baseline=0.010),
+        MatchingParameters(**parameters),
+    )
+
+
+HEAD_ON = pose((-0.005, 0.0, 0.8))  # in the middle between the cameras
+SIX_HUES = np.radians([0, 60, 120, 180, 240, 300])  # the face in front, -z, is the last
+
+
+def front_image(matcher, inside, outside):
+    """The front face's pixels in one color, all others in another."""
+    pair = painted(outside, matcher.camera)
+    corners = HEAD_ON[:3] + np.array([[-0.05, -0.075, -0.1], [0.05, 0.075, -0.1]])
+    images = []
+    for image, ((u0, v0), (u1, v1)) in zip(pair, matcher.camera.project(corners), strict=True):
+        image = image.copy()
+        image[math.ceil(v0) : math.floor(v1) + 1, math.ceil(u0) : math.floor(u1) + 1] = inside
+        images.append(image)
+    return images
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_a_strip_point_is_subtracted_once_though_faces_share_its_hue(rows):
+    offsets = np.linspace(0.002, 0.003, rows)
+    matcher = front_face_matcher([GREEN] * 6, tuple(offsets))
+    [fitness] = matcher.fitness([HEAD_ON], *painted(color_of(GREEN)))
+    assert fitness == pytest.approx(max(0.0, (FRONT - rows * OUTLINE) / FRONT))
+
+
+@pytest.mark.parametrize("hidden", range(5))
+def test_a_strip_point_counts_with_a_hidden_face_s_hue(hidden):
+    matcher = front_face_matcher(SIX_HUES)
+    images = front_image(matcher, color_of(SIX_HUES[5]), color_of(SIX_HUES[hidden]))
+    assert matcher.fitness([HEAD_ON], *images)[0] == pytest.approx((FRONT - OUTLINE) / FRONT)
+
+
+def test_a_strip_point_on_a_hue_that_the_model_has_not_is_free():
+    matcher = front_face_matcher(SIX_HUES)
+    images = front_image(matcher, color_of(SIX_HUES[5]), color_of(math.radians(270)))
+    assert matcher.fitness([HEAD_ON], *images)[0] == 1.0
+
+
+def test_an_inside_point_counts_with_its_own_face_s_hue_only():
+    matcher = front_face_matcher(SIX_HUES)
+    for hue, expected in zip(SIX_HUES, [0, 0, 0, 0, 0, 1], strict=True):
+        images = front_image(matcher, color_of(hue), GREY)
+        assert matcher.fitness([HEAD_ON], *images)[0] == expected
+
+
+def test_fitness_is_the_share_of_the_matching_inside_points():
+    matcher = front_face_matcher(SIX_HUES)
+    images = front_image(matcher, color_of(SIX_HUES[5]), GREY)
+    for image in images:
+        image[: image.shape[0] // 2] = GREY  # the upper half: 4 of 8 rows of points
+    assert matcher.fitness([HEAD_ON], *images)[0] == 0.5
+
+
+def test_fitness_is_the_mean_of_both_cameras_and_none_is_below_zero():
+    matcher = front_face_matcher(SIX_HUES, (0.006, 0.008))
+    right, left = front_image(matcher, color_of(SIX_HUES[5]), GREY)
+    wall, _ = front_image(matcher, GREY, color_of(SIX_HUES[5]))  # the strip alone matches
+    assert matcher.fitness([HEAD_ON], right, left)[0] == 1.0
+    assert matcher.fitness([HEAD_ON], right, wall)[0] == 0.5
+    assert matcher.fitness([HEAD_ON], wall, left)[0] == 0.5
+    assert matcher.fitness([HEAD_ON], wall, wall)[0] == 0.0
+
+
+def test_the_cameras_are_not_mixed_up():
+    # Shifted by the baseline: the right image shows the box where the left camera sees it.
+    matcher = MATCHERS["box"]
+    psi = pose(PAPER_POSITION)
+    right, left = render(solid_of(matcher), psi, CAMERA)
+    assert matcher.fitness([psi], right, left)[0] == 1.0
+    assert matcher.fitness([psi], left, right)[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("color", "expected"),
+    [
+        (color_of(math.radians(300 - 19)), 1),
+        (color_of(math.radians(300 + 19)), 1),
+        (color_of(math.radians(300 - 21)), 0),
+        (color_of(math.radians(300 + 21)), 0),
+        (color_of(math.radians(300), saturation=0.52), 1),
+        (color_of(math.radians(300), saturation=0.48), 0),
+        (color_of(math.radians(300), value=0.22), 1),
+        (color_of(math.radians(300), value=0.18), 0),
+    ],
+)
+def test_a_pixel_has_a_hue_within_the_tolerance_and_above_both_gates(color, expected):
+    matcher = front_face_matcher(
+        SIX_HUES, hue_tolerance_deg=20.0, min_saturation=0.5, min_value=0.2
+    )
+    images = front_image(matcher, color, GREY)
+    assert matcher.fitness([HEAD_ON], *images)[0] == expected
+
+
+@pytest.mark.parametrize(("model", "image"), [(1, 359), (359, 1), (355, 10), (10, 355)])
+def test_hues_are_compared_around_the_color_circle(model, image):
+    matcher = front_face_matcher(np.radians([120, 120, 120, 120, 120, model]))
+    images = front_image(matcher, color_of(math.radians(image)), GREY)
+    assert matcher.fitness([HEAD_ON], *images)[0] == 1.0
+
+
+@pytest.mark.parametrize("level", [0, 20, 128, 255])
+def test_grey_images_score_zero(level):
+    for matcher in MATCHERS.values():
+        poses = random_poses(np.random.default_rng(5), 200)
+        np.testing.assert_array_equal(matcher.fitness(poses, *painted(level)), 0.0)
+
+
+def test_grey_has_no_hue_even_without_gates():
+    matcher = front_face_matcher([RED] * 6, min_saturation=0.0, min_value=0.0)
+    np.testing.assert_array_equal(matcher.fitness([HEAD_ON], *painted(GREY)), 0.0)
+
+
+def test_dark_images_score_zero():
+    psi = pose(PAPER_POSITION)
+    assert fitness_at(MATCHERS["box"], psi, brightness=0.15) == 0.0
+
+
+# The faces' borders
+
+
+def test_points_near_a_face_s_border_do_not_count():
+    # The outermost points lie half a cell, some 10 mm, inside: 8 px at this distance. Where they
+    # are grey, three fifths of one and three quarters of the other direction remain.
+    distance = CAMERA.focal_length * 0.010 / (HEAD_ON[2] - 0.100)
+    for least, expected in ((0.0, 18 / 40), (0.9 * distance, 18 / 40), (1.1 * distance, 1.0)):
+        matcher = front_face_matcher(SIX_HUES, min_border_distance=least)
+        images = front_image(matcher, GREY, GREY)
+        corners = HEAD_ON[:3] + np.array([[-0.035, -0.06, -0.1], [0.035, 0.06, -0.1]])
+        for image, ends in zip(images, matcher.camera.project(corners), strict=True):
+            (u0, v0), (u1, v1) = np.rint(ends).astype(int)
+            image[v0:v1, u0:u1] = color_of(SIX_HUES[5])
+        assert matcher.fitness([HEAD_ON], *images)[0] == pytest.approx(expected)
+
+
+def test_no_points_left_score_zero():
+    matcher = front_face_matcher(SIX_HUES, min_border_distance=500.0)
+    images = front_image(matcher, color_of(SIX_HUES[5]), GREY)
+    assert matcher.fitness([HEAD_ON], *images)[0] == 0.0
+
+
+@matchers
+def test_counted_points_are_off_their_face_s_border_in_the_image(matcher):
+    # The distance is reckoned at the middle of each side, so it holds up to the change of depth
+    # along the side. Rounding to pixels moves a point by 0.71 px at most: what is counted at the
+    # true pose shows the face.
+    rng = np.random.default_rng(6)
+    for psi in random_poses_in_view(rng, solid_of(matcher), CAMERA, 4):
+        images = painted(GREY)
+        for score in oracle.scores(matcher, psi, *images):
+            distances = oracle.border_distances(score, CAMERA.focal_length)
+            assert min(distances) > 0.85 * matcher.parameters.min_border_distance
+
+
+def test_a_face_seen_nearly_edge_on_does_not_pay_for_turning_it_out_of_sight():
+    # Between two and one visible faces: the plane of the top passes through the cameras.
+    _, y, z = PAPER_POSITION
+    edge_on = math.atan2(y, z) - math.asin(0.075 / math.hypot(y, z))
+    true, turned_away = (
+        pose(PAPER_POSITION, (-math.sin(0.5 * (edge_on + turn)), 0, 0)) for turn in (-0.001, 0.001)
+    )
+    model = SearchModel(paper_box())
+    images = render(paper_box(), true, CAMERA)
+    every_point, clear_points = (
+        Matcher(model, CAMERA, MatchingParameters(min_border_distance=least))
+        for least in (0.0, 1.0)
+    )
+    assert oracle.scores(every_point, true, *images)[0].visible.count(True) == 2
+    assert oracle.scores(every_point, turned_away, *images)[0].visible.count(True) == 1
+    # If every point counted, those of the top would lie in a row of pixels that show its neighbor.
+    at_truth, away = every_point.fitness([true, turned_away], *images)
+    assert at_truth < away - 0.3
+    at_truth, away = clear_points.fitness([true, turned_away], *images)
+    assert at_truth >= 0.98
+    assert at_truth >= away
+
+
+def test_min_cosine_hides_faces_seen_at_a_small_angle():
+    # The box left of the camera's axis: its right face is seen at a cosine of 0.3.
+    psi = pose((-0.05 - 0.3, 0.0, math.sqrt(1 - 0.3**2)))
+    camera = StereoCamera(baseline=0.001)
+    right, left = render(paper_box(), psi, camera)
+    for image in (right, left):
+        image[(image == (255, 0, 0)).all(axis=-1)] = GREY  # what shows of the red face
+    model = SearchModel(paper_box())
+    seen, unseen = (
+        Matcher(model, camera, MatchingParameters(min_cosine=c)).fitness([psi], right, left)[0]
+        for c in (0.25, 0.35)
+    )
+    assert seen < 0.8
+    assert unseen == 1.0
+
+
+# Against the oracle
+
+
+def speckled(images, rng):
+    """Images with a fifth of their pixels replaced by random colors."""
+    result = []
+    for image in images:
+        noise = rng.integers(0, 256, size=image.shape, dtype=np.uint8)
+        noise[..., rng.integers(0, 3)] //= 8
+        where = rng.random(image.shape[:2]) < 0.2
+        result.append(np.where(where[..., None], noise, image))
+    return result
+
+
+def assert_equals_oracle(matcher, poses, images):
+    expected = [oracle.fitness(matcher, psi, *images) for psi in poses]
+    # Neither all zero nor all alike: the comparison means something.
+    assert len(set(expected)) > len(poses) / 2
+    np.testing.assert_allclose(matcher.fitness(poses, *images), expected, rtol=0, atol=1e-12)
+
+
+# Not the default's 20 deg: some 8-bit colors have exactly that hue, on either side by rounding.
+TOLERANCE = {"hue_tolerance_deg": 20.3}
+COARSE = SamplingParameters(spacing=0.040, margin=0.003, strip_offsets=(0.004,))
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {},
+        {"hue_tolerance_deg": 33.3, "min_saturation": 0.21, "min_value": 0.37},
+        {"min_cosine": 0.05, "min_border_distance": 3.0},
+        {"min_border_distance": 0.0},
+    ],
+    ids=["default", "hue", "visibility", "no border"],
+)
+@pytest.mark.parametrize("name", SOLIDS)
+def test_fitness_equals_the_oracle_s(name, parameters):
+    parameters = MatchingParameters(**TOLERANCE | parameters)
+    matcher = Matcher(SearchModel(SOLIDS[name], COARSE), CAMERA, parameters)
+    rng = np.random.default_rng(7)
+    [psi] = random_poses_in_view(rng, SOLIDS[name], CAMERA, 1)
+    images = speckled(render(SOLIDS[name], psi, CAMERA), rng)
+    near = psi + rng.normal(size=(10, 6)) * [0.01, 0.01, 0.03, 0.04, 0.04, 0.04]
+    assert_equals_oracle(matcher, np.vstack([psi, near, random_poses(rng, 2)]), images)
+
+
+def test_fitness_equals_the_oracle_s_with_the_default_sampling():
+    matcher = Matcher(SearchModel(paper_box()), CAMERA, MatchingParameters(**TOLERANCE))
+    rng = np.random.default_rng(8)
+    psi = arc_poses(3)[2]
+    images = speckled(render(solid_of(matcher), psi, CAMERA, supersampling=2), rng)
+    near = psi + rng.normal(size=(5, 6)) * [0.01, 0.01, 0.03, 0.04, 0.04, 0.04]
+    assert_equals_oracle(matcher, np.vstack([psi, near]), images)
+
+
+def test_fitness_equals_the_oracle_s_partly_outside_of_the_images():
+    solid = hexagonal_prism()
+    camera = small_camera()
+    matcher = Matcher(SearchModel(solid, COARSE), camera, MatchingParameters(**TOLERANCE))
+    psi = pose((0.20, 0.18, 0.60), (0.1, -0.2, 0.3))
+    rng = np.random.default_rng(9)
+    images = speckled(render(solid, psi, camera), rng)
+    corners = np.concatenate(camera.project(solid.vertices + psi[:3]))
+    assert corners[:, 0].max() > camera.width and corners[:, 1].max() > camera.height
+    near = psi + rng.normal(size=(12, 6)) * [0.01, 0.01, 0.03, 0.04, 0.04, 0.04]
+    assert_equals_oracle(matcher, np.vstack([psi, near]), images)
+
+
+def test_fitness_equals_the_oracle_s_around_the_camera():
+    # Points behind the camera have no pixel; from inside of the solid no face is visible.
+    camera = small_camera()
+    matcher = Matcher(SearchModel(paper_box(), COARSE), camera)
+    rng = np.random.default_rng(10)
+    poses = rng.uniform([-0.2, -0.1, -0.1, *[-0.5] * 3], [0.1, 0.1, 0.3, *[0.5] * 3], (25, 6))
+    images = painted(color_of(BLUE), camera)
+    expected = [oracle.fitness(matcher, psi, *images) for psi in poses]
+    assert np.count_nonzero(expected) >= 4
+    np.testing.assert_allclose(matcher.fitness(poses, *images), expected, rtol=0, atol=1e-12)
+    assert matcher.fitness([pose((0.0, 0.0, 0.0))], *images)[0] < 1.0
+
+
+# Points outside of the images
+
+
+def test_a_solid_out_of_sight_scores_zero():
+    poses = [pose((5.0, 0.0, 0.8)), pose((0.0, -5.0, 0.8)), pose((0.0, 0.155, -0.8))]
+    np.testing.assert_array_equal(MATCHERS["box"].fitness(poses, *painted(color_of(RED))), 0.0)
+
+
+def test_inside_points_outside_of_the_image_lower_the_fitness_of_a_true_pose():
+    matcher = MATCHERS["box"]
+    half_out = pose((CAMERA.principal_point[0] / CAMERA.focal_length * 0.8, 0.0, 0.8))
+    assert 0.1 < fitness_at(matcher, half_out) < 0.6
+
+
+# Arguments
+
+
+def test_many_poses_score_as_each_alone():
+    matcher = MATCHERS["box"]
+    psi = pose(PAPER_POSITION)
+    images = render(solid_of(matcher), psi, CAMERA)
+    poses = psi + np.random.default_rng(11).normal(size=(30, 6)) * 0.02
+    together = matcher.fitness(poses, *images)
+    assert together.shape == (30,)
+    np.testing.assert_array_equal(together, [matcher.fitness(p, *images)[0] for p in poses])
+
+
+def test_no_poses_give_no_fitness():
+    assert MATCHERS["box"].fitness(np.empty((0, 6)), *painted(GREY)).shape == (0,)
+
+
+def test_an_alpha_channel_changes_nothing():
+    matcher = MATCHERS["prism"]
+    rng = np.random.default_rng(12)
+    [psi] = random_poses_in_view(rng, solid_of(matcher), CAMERA, 1)
+    images = speckled(render(solid_of(matcher), psi, CAMERA), rng)
+    rgba = [
+        np.dstack([image, rng.integers(0, 256, image.shape[:2], dtype=np.uint8)])
+        for image in images
+    ]
+    poses = psi + rng.normal(size=(20, 6)) * 0.02
+    expected = matcher.fitness(poses, *images)
+    assert np.count_nonzero(expected) > 10
+    np.testing.assert_array_equal(matcher.fitness(poses, *rgba), expected)
+
+
+def test_images_may_be_read_only_and_stay_as_they_are():
+    psi = pose(PAPER_POSITION)
+    images = render(paper_box(), psi, CAMERA)
+    before = [image.copy() for image in images]
+    for image in images:
+        image.flags.writeable = False
+    assert MATCHERS["box"].fitness([psi], *images)[0] >= 0.98
+    np.testing.assert_array_equal(images, before)
+
+
+@pytest.mark.parametrize("shape", [(480, 640), (640, 480, 3), (480, 640, 2), (240, 320, 3), (480,)])
+@pytest.mark.parametrize("which", [0, 1])
+def test_images_of_another_size_are_rejected(shape, which):
+    images = list(painted(GREY))
+    images[which] = np.zeros(shape, dtype=np.uint8)
+    with pytest.raises(ValueError, match="480, 640"):
+        MATCHERS["box"].fitness([pose(PAPER_POSITION)], *images)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("hue_tolerance_deg", -1.0),
+        ("hue_tolerance_deg", 181.0),
+        ("min_saturation", -0.1),
+        ("min_saturation", 1.1),
+        ("min_value", -0.1),
+        ("min_value", 1.1),
+        ("min_cosine", -0.1),
+        ("min_cosine", 1.1),
+        ("min_border_distance", -1.0),
+        ("min_border_distance", math.nan),
+    ],
+)
+def test_parameters_out_of_range_are_named(name, value):
+    with pytest.raises(ValueError, match=name):
+        MatchingParameters(**{name: value})

@@ -1,0 +1,424 @@
+"""The recognizer adapts the pure tracker to Drake, to the last bit, and keeps its state in numbers.
+
+The images are a box drawn with OpenCV: flat colors on grey.
+"""
+
+import colorsys
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.sensors import ImageRgba8U
+
+from mffdrake.recognition import (
+    BLUE,
+    GREEN,
+    RED,
+    Generation,
+    GeneticParameters,
+    Matcher,
+    NearStart,
+    OneStepGaTracker,
+    SearchModel,
+    SearchRange,
+    SolidModel,
+    StereoCamera,
+)
+from mffdrake.systems.recognizer import OneStepGaRecognizer
+from mffdrake.systems.timing import Timing
+
+N = 20
+CAMERA = StereoCamera(width=160, height=120, focal_length=145.0)
+BOX = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
+START = np.array([0.0, 0.155, 0.8, 0.1, -0.2, 0.05])
+
+
+def make_tracker(**arguments):
+    return OneStepGaTracker(
+        matcher=Matcher(SearchModel(BOX), CAMERA),
+        parameters=GeneticParameters(population_size=N),
+        **{"start": NearStart(START)} | arguments,
+    )
+
+
+def true_pose(time):
+    """The drawn box's motion: 0.2 m/s to the right while it turns."""
+    return START + time * np.array([0.2, -0.05, 0.1, 0.1, 0.3, 0.2])
+
+
+def draw(pose):
+    """The right and the left image of the box: RGBA, shape (height, width, 4)."""
+    eps = pose[3:]
+    R = RotationMatrix(Quaternion(wxyz=[np.sqrt(1.0 - eps @ eps), *eps])).matrix()
+    corners = BOX.vertices @ R.T + pose[:3]
+    images = []
+    for p_CO, pixels in zip((np.zeros(3), CAMERA.p_CL), CAMERA.project(corners), strict=True):
+        image = np.full((CAMERA.height, CAMERA.width, 4), (128, 128, 128, 255), dtype=np.uint8)
+        toward = BOX.centers @ R.T + pose[:3] - p_CO
+        for face in np.flatnonzero(np.einsum("fk,fk->f", BOX.normals @ R.T, toward) < 0.0):
+            color = 255 * np.array(colorsys.hsv_to_rgb(BOX.hues[face] / (2.0 * np.pi), 1.0, 1.0))
+            polygon = np.rint(pixels[list(BOX.faces[face])]).astype(np.int32)
+            cv2.fillConvexPoly(image, polygon, (*np.rint(color).tolist(), 255))
+        images.append(image)
+    return tuple(images)
+
+
+def to_drake(image):
+    result = ImageRgba8U(image.shape[1], image.shape[0])
+    result.mutable_data[:] = image
+    return result
+
+
+def fix_images(recognizer, context, pose):
+    """Shows the recognizer a pose; returns the images."""
+    images = draw(pose)
+    for side, image in zip(("right", "left"), images, strict=True):
+        recognizer.GetInputPort(f"color_image_{side}").FixValue(context, to_drake(image))
+    return images
+
+
+def take_frame(system, context):
+    system.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())
+
+
+def outputs(recognizer, context):
+    """All numeric outputs by name."""
+    names = ("pose", "fitness", "population", "population_fitness", "frame_time")
+    return {name: recognizer.GetOutputPort(name).Eval(context) for name in names}
+
+
+def state(context):
+    """All numbers in the discrete state."""
+    groups = context.get_discrete_state()
+    return np.concatenate([groups.value(i) for i in range(groups.num_groups())])
+
+
+class DrawnCamera(LeafSystem):
+    """Draws the box's motion; counts how often each image is computed."""
+
+    def __init__(self):
+        super().__init__()
+        self.rendered = {"right": [], "left": []}
+        for index, side in enumerate(("right", "left")):
+            self.DeclareAbstractOutputPort(
+                f"color_image_{side}",
+                lambda: AbstractValue.Make(ImageRgba8U()),
+                lambda context, output, index=index, side=side: self._draw(
+                    context.get_time(), output, index, side
+                ),
+                {self.time_ticket()},
+            )
+
+    def _draw(self, time, output, index, side):
+        self.rendered[side].append(time)
+        output.set_value(to_drake(draw(true_pose(time))[index]))
+
+
+def make_diagram(tracker=None, timing=None, predicted=None):
+    """A recognizer that sees the drawn box: (diagram, recognizer, camera)."""
+    builder = DiagramBuilder()
+    camera = builder.AddSystem(DrawnCamera())
+    recognizer = builder.AddSystem(
+        OneStepGaRecognizer(tracker=make_tracker() if tracker is None else tracker, timing=timing)
+    )
+    for side in ("right", "left"):
+        name = f"color_image_{side}"
+        builder.Connect(camera.GetOutputPort(name), recognizer.GetInputPort(name))
+    if predicted is not None:
+        source = builder.AddSystem(ConstantVectorSource(predicted))
+        builder.Connect(source.get_output_port(), recognizer.GetInputPort("predicted_population"))
+    return builder.Build(), recognizer, camera
+
+
+# One frame.
+
+
+def test_before_the_first_frame_the_pose_is_the_middle_of_the_search_range():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    values = outputs(recognizer, context)
+    search_range = SearchRange()
+    middle = 0.5 * (search_range.lower + search_range.upper)
+    np.testing.assert_allclose(values["pose"], middle, atol=1e-15)
+    np.testing.assert_array_equal(values["population"], np.tile(values["pose"], N))
+    np.testing.assert_array_equal(values["population_fitness"], np.zeros(N))
+    np.testing.assert_array_equal(values["fitness"], [0.0])
+    np.testing.assert_array_equal(values["frame_time"], [np.nan])
+    X_CM = recognizer.GetOutputPort("X_CM").Eval(context)
+    assert X_CM.IsNearlyEqualTo(RigidTransform(middle[:3]), 1e-12)
+
+
+def test_a_frame_scores_the_population_on_its_images_and_sorts_it():
+    tracker = make_tracker()
+    recognizer = OneStepGaRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    images = fix_images(recognizer, context, START)
+    for time in (1.5, 1.6):  # the first frame, and one like all the others
+        context.SetTime(time)
+        take_frame(recognizer, context)
+        values = outputs(recognizer, context)
+        np.testing.assert_array_equal(values["frame_time"], [time])
+        poses = values["population"].reshape(N, 6)
+        fitness = values["population_fitness"]
+        np.testing.assert_array_equal(fitness, tracker.matcher.fitness(poses, *images))
+        np.testing.assert_array_equal(fitness, np.sort(fitness)[::-1])
+        assert fitness[0] > fitness[-1]
+        np.testing.assert_array_equal(values["pose"], poses[0])
+        np.testing.assert_array_equal(values["fitness"], fitness[:1])
+
+
+def test_x_cm_is_the_pose_as_a_transform():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    fix_images(recognizer, context, START)
+    take_frame(recognizer, context)
+    pose = recognizer.GetOutputPort("pose").Eval(context)
+    X_CM = recognizer.GetOutputPort("X_CM").Eval(context)
+    q = X_CM.rotation().ToQuaternion()
+    np.testing.assert_array_equal(X_CM.translation(), pose[:3])
+    np.testing.assert_allclose(q.xyz() * np.sign(q.w()), pose[3:], atol=1e-12)
+
+
+def test_a_box_at_rest_is_found():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    fix_images(recognizer, context, START)
+    for _ in range(100):
+        take_frame(recognizer, context)
+    pose = recognizer.GetOutputPort("pose").Eval(context)
+    assert recognizer.GetOutputPort("fitness").Eval(context) > 0.95
+    np.testing.assert_allclose(pose[:3], START[:3], atol=0.02)
+
+
+def test_a_forced_update_into_other_values_leaves_the_context_alone():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    fix_images(recognizer, context, START)
+    before = state(context)
+    updated = recognizer.AllocateDiscreteVariables()
+    recognizer.CalcForcedDiscreteVariableUpdate(context, updated)
+    np.testing.assert_array_equal(state(context), before)
+    context.SetDiscreteState(updated)
+    assert recognizer.GetOutputPort("fitness").Eval(context) > 0.0
+
+
+# The same numbers as the pure tracker.
+
+
+@pytest.mark.parametrize("generations", [1, 3])
+def test_frame_by_frame_it_is_the_pure_tracker(generations):
+    tracker = make_tracker(generations_per_frame=generations, seed=5)
+    recognizer = OneStepGaRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    generation = None
+    for frame in range(8):
+        images = fix_images(recognizer, context, true_pose(0.033 * frame))
+        take_frame(recognizer, context)
+        if frame == 0:
+            generation = tracker.start_population(*images)
+        else:
+            generation = tracker.track(generation, *images, frame=frame)
+        values = outputs(recognizer, context)
+        np.testing.assert_array_equal(values["population"], generation.poses.ravel())
+        np.testing.assert_array_equal(values["population_fitness"], generation.fitness)
+
+
+def test_with_a_prediction_it_is_the_pure_tracker_on_the_predicted_poses():
+    tracker = make_tracker()
+    recognizer = OneStepGaRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    rng = np.random.default_rng(1)
+    generation = None
+    for frame in range(8):
+        images = fix_images(recognizer, context, true_pose(0.033 * frame))
+        predicted = true_pose(0.033 * frame) + 0.02 * rng.standard_normal((N, 6))
+        recognizer.GetInputPort("predicted_population").FixValue(context, predicted.ravel())
+        take_frame(recognizer, context)
+        if frame == 0:  # There is nothing to predict from yet.
+            generation = tracker.start_population(*images)
+        else:
+            last = Generation(predicted, generation.fitness)
+            generation = tracker.track(last, *images, frame=frame)
+        values = outputs(recognizer, context)
+        np.testing.assert_array_equal(values["population"], generation.poses.ravel())
+        np.testing.assert_array_equal(values["population_fitness"], generation.fitness)
+
+
+def test_a_right_prediction_keeps_what_would_be_lost_without():
+    """The box jumps by 60 mm between two frames, and the hypotheses jump with it or not."""
+    jump = np.array([-0.06, 0.03, 0.0, 0.0, 0.0, 0.0])
+    fitness = {}
+    for carried in (False, True):
+        recognizer = OneStepGaRecognizer(tracker=make_tracker())
+        context = recognizer.CreateDefaultContext()
+        fix_images(recognizer, context, START)
+        for _ in range(30):
+            take_frame(recognizer, context)
+        fix_images(recognizer, context, START + jump)
+        if carried:
+            population = recognizer.GetOutputPort("population").Eval(context)
+            predicted = population + np.tile(jump, N)
+            recognizer.GetInputPort("predicted_population").FixValue(context, predicted)
+        take_frame(recognizer, context)
+        fitness[carried] = recognizer.GetOutputPort("fitness").Eval(context)[0]
+    assert fitness[True] > fitness[False] + 0.3
+
+
+def test_in_a_simulation_it_is_the_pure_tracker_too():
+    tracker = make_tracker()
+    diagram, recognizer, _ = make_diagram(tracker)
+    simulator = Simulator(diagram)
+    generation = tracker.start_population(*draw(true_pose(0.0)))
+    for frame in range(1, 6):
+        images = draw(true_pose(Timing().TimeOfFrame(frame)))
+        generation = tracker.track(generation, *images, frame=frame)
+    simulator.AdvanceTo(0.17)
+    values = outputs(recognizer, recognizer.GetMyContextFromRoot(simulator.get_context()))
+    np.testing.assert_array_equal(values["population"], generation.poses.ravel())
+    np.testing.assert_array_equal(values["frame_time"], [0.165])
+
+
+# As a Drake system.
+
+
+def test_outputs_depend_on_the_state_only():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    assert not recognizer.HasAnyDirectFeedthrough()
+    for k in range(recognizer.num_output_ports()):
+        assert not recognizer.HasDirectFeedthrough(k)
+
+
+def test_the_prediction_may_depend_on_the_population():
+    """No algebraic loop: the diagram builds and runs with its own population fed back."""
+    tracker = make_tracker()
+    builder = DiagramBuilder()
+    recognizer = builder.AddSystem(OneStepGaRecognizer(tracker=tracker))
+    population = recognizer.GetOutputPort("population")
+    builder.Connect(population, recognizer.GetInputPort("predicted_population"))
+    for side in ("right", "left"):
+        builder.ExportInput(recognizer.GetInputPort(f"color_image_{side}"), side)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    alone = OneStepGaRecognizer(tracker=tracker)
+    alone_context = alone.CreateDefaultContext()
+    for frame in range(3):
+        images = fix_images(alone, alone_context, true_pose(0.033 * frame))
+        for side, image in zip(("right", "left"), images, strict=True):
+            diagram.GetInputPort(side).FixValue(context, to_drake(image))
+        take_frame(diagram, context)
+        take_frame(alone, alone_context)
+    np.testing.assert_array_equal(state(context), state(alone_context))
+
+
+@pytest.mark.parametrize("missing", ["right", "left"])
+def test_a_missing_image_is_an_error_that_names_the_port(missing):
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    recognizer.set_name("eyes")
+    context = recognizer.CreateDefaultContext()
+    other = {"right": "left", "left": "right"}[missing]
+    recognizer.GetInputPort(f"color_image_{other}").FixValue(context, to_drake(draw(START)[0]))
+    message = f"eyes: input port 'color_image_{missing}' is not connected"
+    with pytest.raises(RuntimeError, match=message):
+        take_frame(recognizer, context)
+    with pytest.raises(RuntimeError, match=message):
+        Simulator(recognizer, context).AdvanceTo(0.001)
+
+
+def test_images_of_another_size_than_the_cameras_are_an_error():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    for side in ("right", "left"):
+        recognizer.GetInputPort(f"color_image_{side}").FixValue(context, ImageRgba8U(64, 48))
+    with pytest.raises(ValueError, match=r"\(120, 160\)"):
+        take_frame(recognizer, context)
+
+
+def test_all_of_its_state_is_discrete_numbers():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    assert context.num_abstract_states() == 0
+    assert context.num_continuous_states() == 0
+    assert len(state(context)) == 7 * N + 2  # poses, fitness, the frames' number and time
+    assert recognizer.num_hypotheses == N
+
+
+@pytest.mark.parametrize(
+    ("timing", "times"),
+    [
+        (None, [0.0, 0.033, 0.066, 0.099]),
+        (Timing(control_period=0.002, vision_period=0.05), [0.0, 0.05]),
+    ],
+)
+def test_images_are_read_at_its_own_frames_only(timing, times):
+    diagram, recognizer, camera = make_diagram(timing=timing)
+    simulator = Simulator(diagram)
+    context = recognizer.GetMyContextFromRoot(simulator.get_context())
+
+    def read_outputs(_):  # Readers of the outputs cause no rendering either.
+        outputs(recognizer, context)
+        recognizer.GetOutputPort("X_CM").Eval(context)
+
+    simulator.set_monitor(read_outputs)
+    simulator.AdvanceTo(0.1)
+    assert camera.rendered == {"right": times, "left": times}
+
+
+# The state lives in the context.
+
+
+def test_a_simulation_repeats_itself_to_the_last_bit():
+    diagram, _, _ = make_diagram()
+    ends = []
+    for _ in range(2):
+        simulator = Simulator(diagram)
+        simulator.AdvanceTo(0.2)
+        ends.append(state(simulator.get_context()))
+    np.testing.assert_array_equal(*ends)
+
+
+def test_simulations_from_cloned_contexts_are_equal_to_the_last_bit():
+    diagram, _, _ = make_diagram()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.08)
+    half_way = state(simulator.get_context())
+    clones = [simulator.get_context().Clone() for _ in range(2)]
+    simulator.AdvanceTo(0.2)
+    end = state(simulator.get_context())
+    assert np.any(end != half_way)
+    for clone in clones:
+        np.testing.assert_array_equal(state(clone), half_way)
+        Simulator(diagram, clone).AdvanceTo(0.2)
+        np.testing.assert_array_equal(state(clone), end)
+
+
+def test_two_contexts_of_one_recognizer_do_not_disturb_each_other():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    poses = [true_pose(0.0), true_pose(0.5)]
+    together = [recognizer.CreateDefaultContext() for _ in poses]
+    for _ in range(4):
+        for context, pose in zip(together, poses, strict=True):
+            fix_images(recognizer, context, pose)
+            take_frame(recognizer, context)
+    for context, pose in zip(together, poses, strict=True):
+        alone = recognizer.CreateDefaultContext()
+        fix_images(recognizer, alone, pose)
+        for _ in range(4):
+            take_frame(recognizer, alone)
+        np.testing.assert_array_equal(state(context), state(alone))
+
+
+def test_another_seed_gives_another_population():
+    ends = []
+    for seed in (0, 1):
+        recognizer = OneStepGaRecognizer(tracker=make_tracker(seed=seed))
+        context = recognizer.CreateDefaultContext()
+        fix_images(recognizer, context, START)
+        take_frame(recognizer, context)
+        ends.append(recognizer.GetOutputPort("population").Eval(context))
+    assert np.any(ends[0] != ends[1])

@@ -1,0 +1,269 @@
+"""Vision falls on every 33rd control tick, to the bit, and which state a frame shows."""
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+
+from mffdrake.experiment.diagram import CalcDesiredPose, MakeHandEyeDiagram, MakeTracker
+from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.recognition import Generation, SolidModel
+from mffdrake.systems.models import FindModelsPath
+from mffdrake.systems.timing import Timing
+
+TIMINGS = [
+    Timing(),
+    Timing(control_period=0.002, vision_period=0.05),
+    Timing(control_period=0.0005, vision_period=0.0335),
+    Timing(control_period=0.001, vision_period=0.1),
+    Timing(control_period=1 / 300, vision_period=1 / 30),
+    Timing(control_period=0.004, vision_period=0.004),
+]
+
+
+def periods(value):
+    """A short name of a test's parameter."""
+    if isinstance(value, Timing):
+        return f"{value.control_period:.6g}/{value.vision_period:.6g}"
+    return str(value)
+
+
+class EventTimes(LeafSystem):
+    """Notes the time of each of its periodic discrete updates at which it acts."""
+
+    def __init__(self, period, acts=lambda time: True):
+        super().__init__()
+        self.times = []
+        self._acts = acts
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context, _):
+        if self._acts(context.get_time()):
+            self.times.append(context.get_time())
+
+
+def simulate(duration, *systems):
+    """The simulator, after all events before the end of the duration [s]."""
+    builder = DiagramBuilder()
+    for system in systems:
+        builder.AddSystem(system)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(duration)
+    return simulator
+
+
+# Periods.
+
+
+@pytest.mark.parametrize("name", ["control_period", "vision_period"])
+@pytest.mark.parametrize("value", [0.0, -0.001, np.nan, np.inf])
+def test_periods_must_be_positive_and_finite(name, value):
+    with pytest.raises(ValueError, match=f"timing: {name} must be positive, not {value} s"):
+        Timing(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("control", "vision"), [(0.001, 0.0335), (0.002, 0.033), (0.033, 0.001), (0.001, 0.033001)]
+)
+def test_the_vision_period_must_be_a_whole_multiple(control, vision):
+    with pytest.raises(ValueError, match="vision_period must be a whole multiple"):
+        Timing(control_period=control, vision_period=vision)
+
+
+@pytest.mark.parametrize(
+    ("timing", "ticks"), list(zip(TIMINGS, [33, 25, 67, 100, 10, 1], strict=True)), ids=periods
+)
+def test_ticks_per_frame(timing, ticks):
+    assert timing.ticks_per_frame == ticks
+
+
+# Counting.
+
+
+@pytest.mark.parametrize("timing", TIMINGS, ids=periods)
+def test_a_time_and_its_neighboring_floats_belong_to_the_same_tick(timing):
+    for tick in (0, 1, 32, 33, 330, 999_999):
+        time = timing.TimeOfTick(tick)
+        assert timing.Tick(time) == tick
+        assert timing.Tick(np.nextafter(time, -1.0)) == tick
+        assert timing.Tick(np.nextafter(time, 1e9)) == tick
+
+
+@pytest.mark.parametrize("timing", TIMINGS, ids=periods)
+def test_vision_ticks_are_those_of_the_frames(timing):
+    frames = {timing.TimeOfFrame(frame) for frame in range(10)}
+    times = [timing.TimeOfTick(tick) for tick in range(10 * timing.ticks_per_frame)]
+    assert {time for time in times if timing.IsVisionTick(time)} == frames
+
+
+def test_delayed_vision_ticks_come_so_many_ticks_before_the_frames():
+    timing = Timing()
+
+    def first_ticks(delay):
+        return [k for k in range(70) if timing.IsVisionTick(0.001 * k, delay_ticks=delay)]
+
+    assert first_ticks(0) == [0, 33, 66]
+    assert first_ticks(1) == [32, 65]
+    assert first_ticks(10) == [23, 56]
+    assert first_ticks(33) == [0, 33, 66]
+    assert first_ticks(40) == [26, 59]
+
+
+@pytest.mark.parametrize("timing", TIMINGS, ids=periods)
+@pytest.mark.parametrize("ticks", [1, 24, 25, 26, 33, 34, 66, 67, 100, 101, 1000])
+def test_num_frames_is_the_number_of_frames_that_drake_runs(timing, ticks):
+    duration = timing.TimeOfTick(ticks)
+    camera = EventTimes(timing.control_period, timing.IsVisionTick)
+    simulate(duration, camera)
+    assert len(camera.times) == timing.NumFrames(duration)
+
+
+# Coincidence.
+
+
+@pytest.mark.parametrize(
+    ("timing", "frames"), [(TIMINGS[0], 10_000), *((t, 2000) for t in TIMINGS[1:])], ids=periods
+)
+def test_every_frame_coincides_with_a_control_tick(timing, frames):
+    control = EventTimes(timing.control_period)
+    vision = EventTimes(timing.control_period, timing.IsVisionTick)
+    ticks = frames * timing.ticks_per_frame
+    simulator = simulate(timing.TimeOfTick(ticks), control, vision)
+    assert simulator.get_num_steps_taken() == ticks  # no step between two ticks
+    assert control.times == [timing.TimeOfTick(tick) for tick in range(ticks)]
+    assert vision.times == [timing.TimeOfFrame(frame) for frame in range(frames)]
+
+
+def test_a_naive_pair_of_periods_drifts_apart():
+    """Why `Timing` exists: Drake's events fall on offset + k * period, rounded."""
+    control, vision = EventTimes(0.001), EventTimes(0.033)
+    simulator = simulate(10.0, control, vision)
+    late = [k for k in range(len(vision.times)) if k * 0.033 != 33 * k * 0.001]
+    assert vision.times == [k * 0.033 for k in range(304)]
+    assert [vision.times[k] for k in late] == sorted(set(vision.times) - set(control.times))
+    assert all(k * 0.033 > 33 * k * 0.001 for k in late)
+    assert len(late) == 49  # one frame in six, each in a step of its own
+    assert simulator.get_num_steps_taken() == 10_000 + len(late)
+
+
+# Which state a frame shows.
+
+SCENARIO = """
+duration: 0.2
+method: {method}
+camera: {{width: 320, height: 240}}
+recognizer: {{population_size: 12, start: near_target}}
+"""
+
+
+def make_scenario(method="mff"):
+    return LoadScenario(text=SCENARIO.format(method=method))
+
+
+class Observer(LeafSystem):
+    """A controller's view: what its input is at each of its own discrete updates."""
+
+    def __init__(self, size, period=0.001):
+        super().__init__()
+        self.seen = {}
+        port = self.DeclareVectorInputPort("value", size)
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period,
+            0.0,
+            lambda context, _: self.seen.update({context.get_time(): port.Eval(context)}),
+        )
+
+
+@pytest.mark.parametrize(("sampled", "age"), [(False, 0.0), (True, 0.001)])
+def test_with_sampled_ports_a_plants_state_would_be_a_tick_ahead(sampled, age):
+    """Why the hand-eye diagram does without: an event at t would see the state of t + 1 ms."""
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.001, use_sampled_output_ports=sampled)
+    plant, _ = AddMultibodyPlant(config, builder)
+    stone = plant.AddRigidBody("stone", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.AddJoint(PrismaticJoint("fall", plant.world_frame(), stone.body_frame(), axis=[0, 0, -1]))
+    plant.Finalize()
+    observer = builder.AddSystem(Observer(2, period=0.01))
+    builder.Connect(plant.get_state_output_port(), observer.get_input_port())
+    Simulator(builder.Build()).AdvanceTo(0.1)
+    gravity = plant.gravity_field().kDefaultStrength
+    speeds = [state[1] for time, state in observer.seen.items() if time > 0.0]
+    expected = [gravity * (time + age) for time in observer.seen if time > 0.0]
+    np.testing.assert_allclose(speeds, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["ga", "mff"])
+def test_a_frame_shows_the_plants_state_of_its_own_time(method):
+    scenario = make_scenario(method)
+    diagram = MakeHandEyeDiagram(scenario)
+    solid = SolidModel.from_mesh_file(FindModelsPath() / "target_box.obj")
+    tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    plant = diagram.GetSubsystemByName("plant")
+    recognizer = diagram.GetSubsystemByName("recognizer")
+    recognizer_context = recognizer.GetMyContextFromRoot(context)
+
+    def images():
+        ports = [diagram.GetOutputPort(f"stereo_camera.color_image_{s}") for s in ("right", "left")]
+        return [port.Eval(context).data.copy() for port in ports]
+
+    def population(port):
+        return port.Eval(recognizer_context).reshape(-1, 6)
+
+    simulator.AdvanceTo(0.033)  # The events at 0.033 s come with the next step.
+    # From now on the base turns: the target moves by half a pixel from tick to tick.
+    plant.SetVelocities(plant.GetMyMutableContextFromRoot(context), [1, 0, 0, 0, 0, 0, 0])
+    on_time = images()
+    last = Generation(
+        population(
+            recognizer.GetInputPort("predicted_population")
+            if method == "mff"
+            else recognizer.GetOutputPort("population")
+        ),
+        recognizer.GetOutputPort("population_fitness").Eval(recognizer_context),
+    )
+    simulator.AdvanceTo(0.034)
+    a_tick_later = images()
+
+    expected = tracker.track(last, *on_time, frame=1)
+    np.testing.assert_array_equal(
+        population(recognizer.GetOutputPort("population")), expected.poses
+    )
+    np.testing.assert_array_equal(
+        recognizer.GetOutputPort("population_fitness").Eval(recognizer_context), expected.fitness
+    )
+    assert np.any(tracker.track(last, *a_tick_later, frame=1).fitness != expected.fitness)
+
+
+def test_a_controller_sees_a_vision_result_one_tick_later():
+    builder = DiagramBuilder()
+    diagram = builder.AddSystem(MakeHandEyeDiagram(make_scenario()))
+    population = diagram.GetOutputPort("recognizer.population")
+    observer = builder.AddSystem(Observer(population.size()))
+    builder.Connect(population, observer.get_input_port())
+    Simulator(builder.Build()).AdvanceTo(0.1)
+    seen = list(observer.seen.values())
+    changes = [k for k in range(1, len(seen)) if np.any(seen[k] != seen[k - 1])]
+    assert len(seen) == 100
+    assert changes == [1, 34, 67]
+
+
+@pytest.mark.parametrize("method", ["ga", "mff"])
+def test_the_hand_eye_system_takes_its_frames_on_control_ticks(method):
+    diagram = MakeHandEyeDiagram(make_scenario(method))
+    simulator = Simulator(diagram)
+    recognizer = diagram.GetSubsystemByName("recognizer")
+    frame_time = recognizer.GetOutputPort("frame_time")
+    context = recognizer.GetMyContextFromRoot(simulator.get_context())
+    seen = []
+    for tick in range(1, 101):
+        simulator.AdvanceTo(Timing().TimeOfTick(tick))
+        (time,) = frame_time.Eval(context)
+        if time not in seen:
+            seen.append(time)
+            assert tick == 33 * len(seen) - 32
+    assert seen == [0.0, 0.033, 0.066, 0.099] == [Timing().TimeOfFrame(k) for k in range(4)]
+    assert simulator.get_num_steps_taken() == 100
