@@ -19,7 +19,7 @@ import subprocess
 import sys
 
 # What each target runs, as arguments of .venv/bin/python, one after the other.
-DEMO = [["-m", "mffdrake", "compare", "--out", "out", "--graphviz", "out/diagram.svg"]]
+DEMO = [["-m", "mffdrake", "compare", "--workers", "2", "--graphviz", "out/diagram.svg"]]
 TEST = [["-m", "pytest"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]

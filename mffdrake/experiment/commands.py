@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,8 +31,6 @@ from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 
 __all__ = ["RunCommand", "UserError"]
-
-_log = logging.getLogger("mffdrake")
 
 
 class UserError(Exception):
@@ -99,7 +96,7 @@ def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
     print(MarkdownTable([row]))
     stages = ", ".join(f"{name} {ms:.2f}" for name, ms in row["stages_ms"].items())
     print(f"Wall time a frame [ms]: {stages}.")
-    _log.info("results in %s", folder)
+    _SayWhere(folder)
 
 
 def _SimulateWithReplay(
@@ -149,6 +146,11 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         options.graphviz = None
         _SimulateWithReplay(options, variants[-1])
     print(MarkdownTable(rows))
+    _SayWhere(folder)
+
+
+def _SayWhere(folder: Path) -> None:
+    print(f"Results and pictures: {folder}/")
 
 
 @contextmanager

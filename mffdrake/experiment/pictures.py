@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from pathlib import Path
 
@@ -17,11 +18,14 @@ from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.plotting import DrawOutline
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.recognition import StereoCamera
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
 
-_EYE = (1.2, -2.4, 1.35)  # Where the scene is looked at from [m], in the world.
-_LOOK_AT = (0.85, 0.0, 0.5)
+_EYE = (1.3, -2.6, 1.5)  # Where the scene is looked at from [m], in the world.
+_LOOK_AT = (0.85, 0.0, 0.45)
+_FOV_Y = math.radians(30.0)
+_VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
 def DrawCameraView(
@@ -56,7 +60,7 @@ def DrawScene(
     width: int = 960,
     height: int = 720,
 ) -> NDArray[np.uint8]:
-    """The arm and the target at a frame, seen from the side.
+    """The arm and the target at a frame, seen from the side, with the cameras' viewing pyramids.
 
     Args:
         diagram: The diagram.
@@ -75,16 +79,42 @@ def DrawScene(
     right = np.cross(forward, [0.0, 0.0, 1.0])
     axes = np.column_stack([right, np.cross(forward, right), forward])
     X_WV = RigidTransform(RotationMatrix(axes / np.linalg.norm(axes, axis=0)), list(_EYE))
+    intrinsics = CameraInfo(width, height, _FOV_Y)
     core = RenderCameraCore(
         LoadScenario(text=result.scenario).renderer,
-        CameraInfo(width, height, np.radians(45.0)),
+        intrinsics,
         ClippingRange(0.05, 20.0),
         RigidTransform(),
     )
-    image = query.RenderColorImage(
+    rendered = query.RenderColorImage(
         ColorRenderCamera(core, False), scene_graph.world_frame_id(), X_WV
     )
-    return image.data[:, :, :3].copy()
+    image = rendered.data[:, :, :3].copy()
+    plant = diagram.GetSubsystemByName("plant")
+    plant_context = plant.GetMyContextFromRoot(context)
+    camera = diagram.GetSubsystemByName("recognizer").tracker.matcher.camera
+    for side in ("right", "left"):
+        X_WC = plant.GetFrameByName(f"camera_{side}").CalcPoseInWorld(plant_context)
+        _DrawViewingPyramid(image, camera, X_WV.InvertAndCompose(X_WC), intrinsics)
+    return image
+
+
+def _DrawViewingPyramid(
+    image: NDArray[np.uint8], camera: StereoCamera, X_VC: RigidTransform, intrinsics: CameraInfo
+) -> None:
+    """Draws what a camera C sees into an image that is seen from V."""
+    import cv2
+
+    x = _VIEW_DEPTH * 0.5 * camera.width / camera.focal_length
+    y = _VIEW_DEPTH * 0.5 * camera.height / camera.focal_length
+    corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
+    p_C = np.array([[0.0, 0.0, 0.0], *((a, b, _VIEW_DEPTH) for a, b in corners)])
+    homogeneous = (X_VC @ p_C.T).T @ intrinsics.intrinsic_matrix().T
+    pixels = np.rint(16.0 * homogeneous[:, :2] / homogeneous[:, 2:]).astype(np.int32)
+    color = (255, 255, 160)
+    cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)
+    for corner in pixels[1:]:
+        cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
 
 
 def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:

@@ -316,11 +316,17 @@ def test_number_of_survivors(population_size, survivor_share, survivors):
 
 @pytest.mark.parametrize(
     ("local_share", "newcomer_share", "local", "newcomers"),
-    [(0.5, 0.1, 15, 3), (0.0, 0.0, 0, 0), (1.0, 0.0, 30, 0), (0.25, 0.75, 8, 22), (0.3, 0.5, 9, 15)],
+    [
+        (0.5, 0.1, 15, 3),
+        (0.0, 0.0, 0, 0),
+        (1.0, 0.0, 30, 0),
+        (0.25, 0.75, 8, 22),
+        (0.3, 0.5, 9, 15),
+    ],
 )
 def test_shares_of_the_children(local_share, newcomer_share, local, newcomers):
-    # Survivors share one place; those of the moves stand shifted from it, along the line of sight
-    # or across, while x keeps its gene apart for the crossed.
+    # Equal parents: what a crossing makes of them equals them, a move without rotation changes
+    # their position only, and a newcomer is different in every gene.
     moves = LocalMoves(
         np.zeros((1, 3)), np.zeros(3), LocalMoveParameters(rotation_deg=0.0, sparsity=0.0)
     )
@@ -410,9 +416,7 @@ def test_without_mutation_every_crossed_child_consists_of_two_survivors_stretche
     bits = algorithm.coding.encode(algorithm.breed(poses, np.linspace(1, 0, 40), rng))
     parents, children = bits[:8], bits[8:]
     for child in children:
-        assert any(
-            is_crossing(child, mother, father) for mother in parents for father in parents
-        )
+        assert any(is_crossing(child, mother, father) for mother in parents for father in parents)
 
 
 def is_crossing(child, mother, father):

@@ -397,9 +397,7 @@ def test_transports_compose_and_have_inverses(seed):
         transport_pose(psi, AB[:3, :3], AB[:3, 3]),
         atol=1e-13,
     )
-    np.testing.assert_allclose(
-        transport_pose(by_b, back[:3, :3], back[:3, 3]), psi, atol=1e-13
-    )
+    np.testing.assert_allclose(transport_pose(by_b, back[:3, :3], back[:3, 3]), psi, atol=1e-13)
     np.testing.assert_allclose(transport_pose(psi, np.eye(3), np.zeros(3)), psi, atol=1e-15)
 
 

@@ -207,7 +207,7 @@ def test_meshes_without_materials_are_rejected(tmp_path):
 
 
 def test_missing_files_are_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nothing_here.obj"):
+    with pytest.raises(FileNotFoundError, match=r"nothing_here\.obj"):
         SolidModel.from_mesh_file(tmp_path / "nothing_here.obj")
 
 
@@ -287,9 +287,7 @@ def test_inside_points_lie_in_their_face_no_nearer_to_its_edges_than_the_margin(
         middle = side_distances(solid, face, normal, solid.centers[k : k + 1])
         if margin is not None and middle.min() > margin:
             assert distances.min() >= margin - 1e-8
-        np.testing.assert_allclose(
-            model.inside_distances[part, : len(face)], distances, atol=1e-14
-        )
+        np.testing.assert_allclose(model.inside_distances[part, : len(face)], distances, atol=1e-14)
         assert np.isposinf(model.inside_distances[part, len(face) :]).all()
         assert len(np.unique(points.round(9), axis=0)) == len(points)
 

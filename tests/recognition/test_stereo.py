@@ -35,7 +35,7 @@ def test_both_images_and_the_focal_length_give_the_point_back():
 
 def test_left_camera_stands_to_the_left():
     np.testing.assert_array_equal(CAMERA.p_CL, [-0.150, 0.0, 0.0])
-    _, left = CAMERA.project(CAMERA.p_CL + [0.0, 0.0, 0.7])
+    _, left = CAMERA.project([-0.150, 0.0, 0.7])
     np.testing.assert_allclose(left, CAMERA.principal_point)
 
 
@@ -70,7 +70,7 @@ def test_odd_images_have_a_pixel_on_the_optical_axis():
 def test_a_solid_covers_the_pixels_between_its_projected_edges():
     psi = pose((0.02, -0.03, 0.8))
     images = render(paper_box(), psi, CAMERA)
-    front = psi[:3] + [[-0.05, -0.075, -0.1], [0.05, 0.075, -0.1]]
+    front = psi[:3] + np.array([[-0.05, -0.075, -0.1], [0.05, 0.075, -0.1]])
     for image, ((u0, v0), (u1, v1)) in zip(images, CAMERA.project(front), strict=True):
         rows, columns = np.nonzero((image == (0, 0, 255)).all(axis=-1))
         assert (columns.min(), columns.max()) == (math.ceil(u0), math.floor(u1))

@@ -1,11 +1,10 @@
 """The recognizer adapts the pure tracker to Drake, to the last bit, and keeps its state in numbers.
 
-The images are a box drawn with OpenCV: flat colors on grey.
+The images are a box drawn pixel by pixel: flat colors on grey.
 """
 
 import colorsys
 
-import cv2
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import Quaternion
@@ -13,7 +12,6 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import ConstantVectorSource
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import (
@@ -52,6 +50,14 @@ def true_pose(time):
     return START + time * np.array([0.2, -0.05, 0.1, 0.1, 0.3, 0.2])
 
 
+def inside(polygon):
+    """Which pixels' centers lie inside a convex polygon, shape (height, width)."""
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    side = np.roll(polygon, -1, axis=0) - polygon
+    left_of = [s[0] * (v - p[1]) > s[1] * (u - p[0]) for p, s in zip(polygon, side, strict=True)]
+    return np.all(left_of, axis=0) | ~np.any(left_of, axis=0)
+
+
 def draw(pose):
     """The right and the left image of the box: RGBA, shape (height, width, 4)."""
     eps = pose[3:]
@@ -63,8 +69,7 @@ def draw(pose):
         toward = BOX.centers @ R.T + pose[:3] - p_CO
         for face in np.flatnonzero(np.einsum("fk,fk->f", BOX.normals @ R.T, toward) < 0.0):
             color = 255 * np.array(colorsys.hsv_to_rgb(BOX.hues[face] / (2.0 * np.pi), 1.0, 1.0))
-            polygon = np.rint(pixels[list(BOX.faces[face])]).astype(np.int32)
-            cv2.fillConvexPoly(image, polygon, (*np.rint(color).tolist(), 255))
+            image[inside(pixels[list(BOX.faces[face])])] = (*np.rint(color), 255)
         images.append(image)
     return tuple(images)
 
@@ -120,7 +125,7 @@ class DrawnCamera(LeafSystem):
         output.set_value(to_drake(draw(true_pose(time))[index]))
 
 
-def make_diagram(tracker=None, timing=None, predicted=None):
+def make_diagram(tracker=None, timing=None):
     """A recognizer that sees the drawn box: (diagram, recognizer, camera)."""
     builder = DiagramBuilder()
     camera = builder.AddSystem(DrawnCamera())
@@ -130,9 +135,6 @@ def make_diagram(tracker=None, timing=None, predicted=None):
     for side in ("right", "left"):
         name = f"color_image_{side}"
         builder.Connect(camera.GetOutputPort(name), recognizer.GetInputPort(name))
-    if predicted is not None:
-        source = builder.AddSystem(ConstantVectorSource(predicted))
-        builder.Connect(source.get_output_port(), recognizer.GetInputPort("predicted_population"))
     return builder.Build(), recognizer, camera
 
 
