@@ -56,11 +56,11 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
 
         name: hand_eye
         output_ports:
+        - stereo_camera.color_image_right
+        - stereo_camera.color_image_left
         - state
         - desired_state
         - actuation
-        - stereo_camera.color_image_right
-        - stereo_camera.color_image_left
         - recognizer.pose
         - recognizer.X_CM
         - recognizer.fitness

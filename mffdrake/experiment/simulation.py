@@ -131,8 +131,10 @@ def Simulate(
         recorder.RecordTruth(timing.TimeOfTick(tick))
         simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
         recorder.RecordRecognition()
-        next_frame = timing.TimeOfTick(tick + timing.ticks_per_frame)
-        simulator.AdvanceTo(max(timing.TimeOfTick(tick + 1), min(next_frame, scenario.duration)))
+        end = min(timing.TimeOfFrame(frame + 1), scenario.duration)
+        # Advancing to the present time would run its events now, before the truth is noted.
+        if end > timing.TimeOfTick(tick + 1):
+            simulator.AdvanceTo(end)
         recorder.FinishFrame(timing.ticks_per_frame)
         if on_frame is not None:
             on_frame(simulator.get_context().get_time(), recorder.wall_s)

@@ -134,7 +134,11 @@ class GeneCoding:
             digits = np.cumsum(digits, axis=-1) & 1
         genes = digits @ (1 << np.arange(self.bits - 1, -1, -1))
         lower, upper = self.search_range.lower, self.search_range.upper
-        return np.asarray(lower + genes * ((upper - lower) / (2**self.bits - 1)))
+        poses = lower + genes * ((upper - lower) / (2**self.bits - 1))
+        # A wide search range has corners beyond the unit sphere, where there are no rotations.
+        norm = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        poses[:, 3:] /= np.maximum(norm, 1.0)
+        return np.asarray(poses)
 
 
 @dataclass(frozen=True, kw_only=True)

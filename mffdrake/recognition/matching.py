@@ -98,16 +98,16 @@ class Matcher:
             Values from 0 to 1, shape (N,).
 
         Raises:
-            ValueError: When an image has another size than the camera's.
+            ValueError: When an image has another type or another size than the camera's.
         """
         from mffdrake.recognition import _kernels  # numba: slow to import
 
         for image in (image_right, image_left):
-            expected = (self.camera.height, self.camera.width)
-            if image.shape[:2] != expected or image.ndim != 3 or image.shape[2] < 3:
+            h, w = self.camera.height, self.camera.width
+            if image.shape not in ((h, w, 3), (h, w, 4)) or image.dtype != np.uint8:
                 raise ValueError(
-                    f"the camera's images are (height, width, 3 or 4) = {expected} + (3 or 4,), "
-                    f"not {image.shape}"
+                    f"an image must be of type uint8 and shape ({h}, {w}, 3 or 4), not of type "
+                    f"{image.dtype} and shape {image.shape}"
                 )
         poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
         model, solid, p = self.search_model, self.search_model.solid, self.parameters

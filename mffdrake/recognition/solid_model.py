@@ -22,6 +22,9 @@ IntArray = NDArray[np.int64]
 RED, GREEN, BLUE = 0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0
 """Hues [rad] of the three primary colors."""
 
+_SAME_NORMAL, _SAME_HUE = 1e-3, 1e-3  # Unit normals and hues [rad] this close are the same;
+_SAME_LENGTH = 1e-4  # so are lengths, as a share of the solid's size.
+
 
 class SolidModel:
     """A closed convex polyhedron whose faces carry one hue each.
@@ -63,7 +66,7 @@ class SolidModel:
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
         self.edges, self.edge_faces = self._find_edges()
         heights = np.einsum("fk,fvk->fv", self.normals, self.vertices[None] - self.centers[:, None])
-        if heights.max() > 1e-6 * np.ptp(self.vertices, axis=0).max():
+        if heights.max() > _SAME_LENGTH * np.ptp(self.vertices, axis=0).max():
             raise ValueError(
                 "SolidModel: the solid is not convex (or a face is listed clockwise); hidden faces "
                 "are found by their normals alone, so only convex solids can be recognized"
@@ -93,7 +96,8 @@ class SolidModel:
 
         Raises:
             FileNotFoundError: When there is no such file.
-            ValueError: When a face is grey (it has no hue) or the solid is not convex.
+            ValueError: When there are no faces or materials, a face is grey (it has no hue), or the
+                solid is not closed or not convex.
         """
         import trimesh  # Slow to import, and needed here alone.
 
@@ -103,7 +107,13 @@ class SolidModel:
         scene = trimesh.load_scene(path, process=False)
         corners, hues = [], []
         for mesh in scene.geometry.values():
-            color = np.asarray(mesh.visual.material.main_color, dtype=float)[:3] / 255.0
+            material = getattr(mesh.visual, "material", None)
+            if material is None:
+                raise ValueError(
+                    f"{path}: the mesh has no materials; every face of the target needs a color, "
+                    "e.g. as an OBJ file with an MTL file beside it"
+                )
+            color = np.asarray(material.main_color, dtype=float)[:3] / 255.0
             hue, saturation, _ = colorsys.rgb_to_hsv(*color)
             if saturation < 0.5:
                 raise ValueError(
@@ -112,25 +122,36 @@ class SolidModel:
                 )
             corners.append(np.asarray(mesh.triangles))
             hues.append(np.full(len(mesh.triangles), 2.0 * math.pi * hue))
+        if not corners:
+            raise ValueError(f"{path}: the file has no faces")
         return cls._from_triangles(np.concatenate(corners), np.concatenate(hues))
 
     @classmethod
     def _from_triangles(cls, triangles: Array, hues: Array) -> SolidModel:
-        """Merges coplanar triangles of one hue into convex faces with counterclockwise corners."""
+        """Merges coplanar triangles of one hue into convex faces with counterclockwise corners.
+
+        Files carry rounded coordinates, so what belongs together agrees within tolerances only.
+        """
+        size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        distances = np.einsum("tk,tk->t", normals, triangles[:, 0])
-        keys = np.round(np.column_stack([normals, distances, hues]), 5) + 0.0
-        _, label = np.unique(keys, axis=0, return_inverse=True)
-        vertices, index = np.unique(
-            np.round(triangles.reshape(-1, 3), 9) + 0.0, axis=0, return_inverse=True
+        distances = np.einsum("tk,tk->t", normals, triangles.mean(axis=1))
+        plane = np.column_stack(
+            [normals / _SAME_NORMAL, distances / (_SAME_LENGTH * size), hues / _SAME_HUE]
         )
-        index = index.reshape(-1, 3)
+        label = _cluster(plane)
+        index = _cluster(triangles.reshape(-1, 3) / (_SAME_LENGTH * size)).reshape(-1, 3)
+        vertices = np.array(
+            [
+                triangles.reshape(-1, 3)[index.reshape(-1) == k].mean(0)
+                for k in range(index.max() + 1)
+            ]
+        )
         faces, face_hues = [], []
         for k in range(label.max() + 1):
-            members = np.flatnonzero(label.reshape(-1) == k)
+            members = np.flatnonzero(label == k)
             ids = np.unique(index[members])
-            normal = normals[members[0]]
+            normal = normals[members].mean(axis=0)
             arm = vertices[ids] - vertices[ids].mean(axis=0)
             # Sorting the corners by angle about the normal is right for convex faces.
             first = arm[0] / np.linalg.norm(arm[0])
@@ -154,6 +175,16 @@ class SolidModel:
         if any(len(f) != 2 for f in sides.values()):
             raise ValueError("SolidModel: not a closed solid: an edge has not exactly two faces")
         return np.array(list(sides)), np.array(list(sides.values()))
+
+
+def _cluster(rows: Array) -> IntArray:
+    """Labels rows so that those less than one apart in every column share a label."""
+    labels = np.full(len(rows), -1, dtype=np.int64)
+    for k in range(len(rows)):
+        if labels[k] < 0:
+            near = np.abs(rows - rows[k]).max(axis=1) < 1.0
+            labels[near & (labels < 0)] = labels.max() + 1
+    return labels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,7 +211,7 @@ class SamplingParameters:
             raise ValueError(f"spacing must be positive, not {self.spacing} m")
         if self.margin is not None and not self.margin > 0:
             raise ValueError(f"margin must be positive or null, not {self.margin} m")
-        if not self.strip_offsets or min(self.strip_offsets) <= 0:
+        if not self.strip_offsets or not all(offset > 0 for offset in self.strip_offsets):
             raise ValueError("strip_offsets must be one or more positive lengths [m]")
 
 

@@ -158,7 +158,13 @@ class OneStepGaTracker:
 
         Returns:
             The next population, scored on these images.
+
+        Raises:
+            ValueError: When the population's size is not the parameters'.
         """
+        expected = (self.parameters.population_size, 6)
+        if np.shape(generation.poses) != expected:
+            raise ValueError(f"poses must have shape {expected}, not {np.shape(generation.poses)}")
         rng = self._rng(frame)
         for _ in range(self.generations_per_frame):
             candidates = self._algorithm.breed(generation.poses, generation.fitness, rng)

@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+__all__ = ["GraphicsUnavailableError", "RequireGraphics"]
+
 _PROBE = Path(__file__).with_name("_graphics_probe.py")
 _PROBE_TIMEOUT = 30.0  # s; the probe takes about 0.1 s, the first time on a cold disk about 1 s
 _REMEDY = (

@@ -9,6 +9,7 @@ vision rate act on every 33rd tick only, found by counting ticks instead of comp
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 __all__ = ["Timing"]
@@ -72,4 +73,5 @@ class Timing:
 
     def NumFrames(self, duration: float) -> int:
         """Number of frames from time 0 until just before ``duration`` [s]."""
-        return -(-round(duration / self.control_period) // self.ticks_per_frame)
+        ticks = math.ceil(duration / self.control_period - 1e-6)
+        return -(-ticks // self.ticks_per_frame)

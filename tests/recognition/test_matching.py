@@ -423,6 +423,20 @@ def test_fitness_equals_the_oracle_s_around_the_camera():
     assert matcher.fitness([pose((0.0, 0.0, 0.0))], *images)[0] < 1.0
 
 
+def test_visible_points_behind_the_camera_count_as_inside_points_without_a_match():
+    # A plank along the line of sight, below the cameras, its end behind them.
+    plank = SolidModel.box((0.6, 0.1, 1.6), (RED, GREEN, BLUE))
+    camera = small_camera()
+    matcher = Matcher(SearchModel(plank, COARSE), camera, MatchingParameters(**TOLERANCE))
+    psi = pose((-0.075, 0.25, 0.6))
+    images = painted(color_of(GREEN), camera)
+    for score in oracle.scores(matcher, psi, *images):
+        depths = np.array([q[2] for q, _ in score.points])
+        assert (depths < 0).sum() > 20 and (depths > 0).sum() > 200
+    rng = np.random.default_rng(13)
+    assert_equals_oracle(matcher, psi + rng.normal(size=(8, 6)) * 0.03, images)
+
+
 # Points outside of the images
 
 

@@ -166,7 +166,6 @@ def test_a_solid_written_to_a_file_reads_back(solid, turned, tmp_path):
     assert len(read.edges) == len(expected.edges)
 
 
-@pytest.mark.xfail(strict=True, reason="coplanar triangles are told by rounding, to 1e-5")
 @pytest.mark.parametrize("turned", TURNS[1:])
 def test_coordinates_rounded_to_a_micrometer_read_back(turned, tmp_path):
     # What modeling tools write: six digits, so corners of a turned face leave its plane a little.
@@ -196,7 +195,6 @@ def test_grey_materials_are_rejected(tmp_path):
         SolidModel.from_mesh_file(path)
 
 
-@pytest.mark.xfail(strict=True, raises=AttributeError, reason="material read without a check")
 def test_meshes_without_materials_are_rejected(tmp_path):
     box = paper_box()
     path = write_obj(tmp_path, box.vertices, box.faces, colors_of(box))

@@ -187,15 +187,17 @@ def test_x_cm_is_the_pose_as_a_transform():
     np.testing.assert_allclose(q.xyz() * np.sign(q.w()), pose[3:], atol=1e-12)
 
 
-def test_a_box_at_rest_is_found():
-    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+def test_a_box_at_rest_is_found_from_nowhere():
+    tracker = OneStepGaTracker(matcher=Matcher(SearchModel(BOX), CAMERA))
+    recognizer = OneStepGaRecognizer(tracker=tracker)
     context = recognizer.CreateDefaultContext()
     fix_images(recognizer, context, START)
     for _ in range(100):
         take_frame(recognizer, context)
-    pose = recognizer.GetOutputPort("pose").Eval(context)
     assert recognizer.GetOutputPort("fitness").Eval(context) > 0.95
-    np.testing.assert_allclose(pose[:3], START[:3], atol=0.02)
+    # In so small an image the depth stays vague.
+    error = np.abs(recognizer.GetOutputPort("pose").Eval(context) - START)
+    assert np.all(error < [0.01, 0.01, 0.05, 0.05, 0.05, 0.05])
 
 
 def test_a_forced_update_into_other_values_leaves_the_context_alone():
@@ -337,7 +339,7 @@ def test_images_of_another_size_than_the_cameras_are_an_error():
     context = recognizer.CreateDefaultContext()
     for side in ("right", "left"):
         recognizer.GetInputPort(f"color_image_{side}").FixValue(context, ImageRgba8U(64, 48))
-    with pytest.raises(ValueError, match=r"\(120, 160\)"):
+    with pytest.raises(ValueError, match=r"\(120, 160, 3 or 4\)"):
         take_frame(recognizer, context)
 
 

@@ -120,6 +120,13 @@ def test_num_frames_is_the_number_of_frames_that_drake_runs(timing, ticks):
     assert len(camera.times) == timing.NumFrames(duration)
 
 
+def test_num_frames_of_a_duration_that_ends_between_two_ticks():
+    for duration in (0.0003, 0.0326, 0.0331, 0.0335, 0.0661):
+        camera = EventTimes(0.001, Timing().IsVisionTick)
+        simulate(duration, camera)
+        assert len(camera.times) == Timing().NumFrames(duration), duration
+
+
 # Coincidence.
 
 

@@ -1,0 +1,189 @@
+"""The port blocks in the docstrings tell the real ports, and which inputs may stay unconnected.
+
+Every system of the package is found by itself: a new one without a block, or without an entry in
+`SYSTEMS` here, fails.
+"""
+
+import importlib
+import inspect
+import pkgutil
+import re
+import textwrap
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, PortDataType
+from pydrake.systems.sensors import ImageRgba8U
+
+import mffdrake
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.visualization import PoseEstimateVisualizer
+from mffdrake.recognition import (
+    BLUE,
+    GREEN,
+    RED,
+    Matcher,
+    OneStepGaTracker,
+    SearchModel,
+    SolidModel,
+    StereoCamera,
+)
+from mffdrake.systems.models import FindModelsPath
+from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
+from mffdrake.systems.pd_controller import PdController
+from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.recognizer import OneStepGaRecognizer
+from mffdrake.systems.renderers import AddRenderer
+from mffdrake.systems.stereo_camera import AddStereoCamera
+
+DIRECTIVE = ".. pydrake_system::"
+CAMERA = StereoCamera(width=64, height=48, focal_length=60.0)
+
+
+def modules():
+    """All modules of the package but the command line's start."""
+    for info in pkgutil.walk_packages(mffdrake.__path__, "mffdrake."):
+        if info.name != "mffdrake.__main__":
+            yield importlib.import_module(info.name)
+
+
+def documented():
+    """Classes and functions of the package that are systems or have a port block, by name."""
+    found = {}
+    for module in modules():
+        for name, value in vars(module).items():
+            if not callable(value) or getattr(value, "__module__", "") != module.__name__:
+                continue
+            is_system = inspect.isclass(value) and issubclass(value, LeafSystem)
+            if is_system or DIRECTIVE in (inspect.getdoc(value) or ""):
+                found[name] = value
+    return found
+
+
+def port_block(value):
+    """What the YAML in a docstring says."""
+    _, found, rest = inspect.getdoc(value).partition(DIRECTIVE + "\n")
+    assert found, f"{value.__name__}: the docstring lacks its '{DIRECTIVE}' block"
+    block = re.match(r"(?:[ ]+.*\n|\n)+", rest)[0]
+    return yaml.safe_load(textwrap.dedent(block))
+
+
+def make_recognizer():
+    box = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
+    matcher = Matcher(SearchModel(box), CAMERA)
+    return OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
+
+
+def make_visualizer():
+    return PoseEstimateVisualizer(
+        meshcat=Meshcat(), plant=MakePa10Plant(), mesh=FindModelsPath() / "target_box.obj"
+    )
+
+
+def make_stereo_camera():
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+    AddPa10(plant)
+    AddCameraFrames(plant, baseline=CAMERA.baseline)
+    plant.Finalize()
+    return AddStereoCamera(
+        builder,
+        plant=plant,
+        scene_graph=scene_graph,
+        camera=CAMERA,
+        renderer=AddRenderer(scene_graph),
+    )
+
+
+def make_hand_eye():
+    return MakeHandEyeDiagram(LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}"))
+
+
+SYSTEMS = {
+    "AddStereoCamera": make_stereo_camera,
+    "MakeHandEyeDiagram": make_hand_eye,
+    "MffPredictor": lambda: MffPredictor(plant=MakePa10Plant()),
+    "OneStepGaRecognizer": make_recognizer,
+    "PdController": lambda: PdController(kp=[1.0, 2.0], kd=[0.1, 0.2]),
+    "PoseEstimateVisualizer": make_visualizer,
+}
+"""How to make each documented system."""
+
+
+def test_every_system_of_the_package_is_tested_here():
+    assert sorted(documented()) == sorted(SYSTEMS)
+
+
+@pytest.fixture(params=sorted(SYSTEMS))
+def name(request):
+    return request.param
+
+
+def test_the_docstring_names_the_ports_in_their_order(name):
+    block = port_block(documented()[name])
+    system = SYSTEMS[name]()
+    inputs = [system.get_input_port(k).get_name() for k in range(system.num_input_ports())]
+    outputs = [system.get_output_port(k).get_name() for k in range(system.num_output_ports())]
+    documented_inputs = [port.removesuffix(" (optional)") for port in block.get("input_ports", [])]
+    assert documented_inputs == inputs
+    assert block.get("output_ports", []) == outputs
+    assert set(block) <= {"name", "input_ports", "output_ports"}
+    if isinstance(system, Diagram):
+        assert block["name"] == system.get_name()
+    else:
+        assert block["name"] == type(system).__name__
+
+
+def run(system, connected):
+    """Evaluates all outputs and forced events with some of the input ports connected."""
+    context = system.CreateDefaultContext()
+    for k in range(system.num_input_ports()):
+        port = system.get_input_port(k)
+        if port.get_name() not in connected:
+            continue
+        if port.get_data_type() == PortDataType.kVectorValued:
+            port.FixValue(context, np.zeros(port.size()))
+        elif port.get_name().startswith("color_image"):
+            port.FixValue(context, ImageRgba8U(CAMERA.width, CAMERA.height))
+        else:
+            port.FixValue(context, AbstractValue.Make(RigidTransform()))
+    system.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())
+    system.ForcedPublish(context)
+    for k in range(system.num_output_ports()):
+        system.get_output_port(k).Eval(context)
+
+
+LEAF_SYSTEMS = sorted(name for name in SYSTEMS if inspect.isclass(documented().get(name)))
+
+
+@pytest.mark.parametrize("name", LEAF_SYSTEMS)
+def test_only_the_optional_inputs_may_stay_unconnected(name):
+    inputs = port_block(documented()[name])["input_ports"]
+    required = [port for port in inputs if not port.endswith(" (optional)")]
+    system = SYSTEMS[name]()
+    run(system, required)
+    run(system, [port.removesuffix(" (optional)") for port in inputs])
+    for missing in required:
+        with pytest.raises(RuntimeError, match=missing):
+            run(system, [port for port in required if port != missing])
+
+
+def test_the_stereo_camera_needs_its_scene():
+    stereo = make_stereo_camera()
+    context = stereo.CreateDefaultContext()
+    for side in ("right", "left"):
+        with pytest.raises(RuntimeError, match="geometry_query"):
+            stereo.GetOutputPort(f"color_image_{side}").Eval(context)
+
+
+def test_the_hand_eye_diagram_needs_no_input():
+    diagram = make_hand_eye()
+    context = diagram.CreateDefaultContext()
+    for k in range(diagram.num_output_ports()):
+        diagram.get_output_port(k).Eval(context)

@@ -1,0 +1,200 @@
+"""The package's rooms and their arrows, its public names, and its docstrings' examples."""
+
+import ast
+import doctest
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import mffdrake
+
+PACKAGE = Path(mffdrake.__file__).parent
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+MODULES = [
+    info.name
+    for info in pkgutil.walk_packages(mffdrake.__path__, "mffdrake.")
+    if info.name != "mffdrake.__main__"  # It runs the command line.
+]
+PRINTING = {"experiment/commands.py", "experiment/main.py", "systems/_graphics_probe.py"}
+
+
+def tree(source):
+    return ast.parse(source.read_text(encoding="utf-8"), filename=str(source))
+
+
+def imported(source):
+    """Full names of all that a file imports, at any level of its code and under any condition."""
+    package = ["mffdrake", *source.relative_to(PACKAGE).parts[:-1]]
+    names = set()
+    for node in ast.walk(tree(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def room_imports(room, *forbidden):
+    """The imports of a room's files from any of the forbidden packages."""
+    return {
+        f"{source.relative_to(PACKAGE)}: {name}"
+        for source in SOURCES
+        if source.relative_to(PACKAGE).parts[0] == room
+        for name in imported(source)
+        if any(f"{name}.".startswith(f"{package}.") for package in forbidden)
+    }
+
+
+def run_python(code):
+    finished = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    return finished.stdout.split()
+
+
+# Arrows one way: experiment -> systems -> recognition.
+
+
+def test_the_imports_that_are_there_are_found():
+    """What the checks below rest on."""
+    assert "pydrake.math.RigidTransform" in imported(PACKAGE / "systems" / "pa10.py")
+    assert room_imports("systems", "pydrake")
+    assert room_imports("systems", "mffdrake.recognition")
+    assert room_imports("experiment", "mffdrake.systems")
+
+
+def test_no_file_imports_through_the_packages_front_door():
+    """Its lazy names would let every arrow through."""
+    rooms = {"mffdrake.recognition", "mffdrake.systems", "mffdrake.experiment"}
+    for source in SOURCES:
+        own = {name for name in imported(source) if name.split(".")[0] == "mffdrake"}
+        assert {".".join(name.split(".")[:2]) for name in own} <= rooms, source
+
+
+def test_recognition_knows_nothing_of_drake_and_of_the_other_rooms():
+    forbidden = ("pydrake", "mffdrake.systems", "mffdrake.experiment")
+    assert room_imports("recognition", *forbidden) == set()
+
+
+def test_systems_know_nothing_of_experiments():
+    assert room_imports("systems", "mffdrake.experiment", "matplotlib", "tqdm") == set()
+
+
+def test_nothing_imports_all_of_drake():
+    for source in SOURCES:
+        assert not {n for n in imported(source) if f"{n}.".startswith("pydrake.all.")}, source
+
+
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        ("mffdrake", "pydrake numba matplotlib cv2 trimesh"),
+        ("mffdrake.recognition", "pydrake numba matplotlib trimesh"),
+    ],
+)
+def test_importing_loads_no_slow_library(module, absent):
+    loaded = run_python(f"import sys, {module}; print(*sys.modules)")
+    assert module in loaded
+    assert set(absent.split()) & set(loaded) == set()
+
+
+def test_only_the_command_line_prints():
+    printing = {
+        source.relative_to(PACKAGE).as_posix()
+        for source in SOURCES
+        for node in ast.walk(tree(source))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "print"
+    }
+    assert printing <= PRINTING
+    assert "experiment/commands.py" in printing
+
+
+# Public names.
+
+
+def stub_names():
+    """What `__init__.pyi` says: public name -> the module it comes from."""
+    names = {}
+    for node in ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                assert alias.asname == alias.name, f"{alias.name} is not re-exported"
+                assert alias.name not in names, f"{alias.name} stands there twice"
+                names[alias.name] = node.module
+    return names
+
+
+def attribute_docstring(name, module):
+    """The string below a name's assignment in its module."""
+    body = tree(Path(importlib.import_module(module).__file__)).body
+    for node, below in pairwise(body):
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        if any(isinstance(t, ast.Name) and t.id == name for t in targets) and (
+            isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+        ):
+            return below.value.value
+    return None
+
+
+def test_the_stub_has_the_same_names():
+    assert set(stub_names()) == set(mffdrake.__all__)
+    assert sorted(set(mffdrake.__all__)) == list(mffdrake.__all__)
+
+
+@pytest.mark.parametrize("name", mffdrake.__all__)
+def test_every_public_name_resolves_and_is_documented(name):
+    value = getattr(mffdrake, name)
+    home = stub_names()[name]
+    assert value is getattr(importlib.import_module(home), name)
+    assert name in getattr(importlib.import_module(home), "__all__", [name])
+    assert name in dir(mffdrake)
+    if callable(value):
+        doc = vars(value).get("__doc__") if inspect.isclass(value) else value.__doc__
+        # A dataclass without a docstring gets its signature for one.
+        assert doc and not doc.startswith(f"{name}(")
+    else:
+        assert attribute_docstring(name, home)
+
+
+def test_a_name_that_does_not_exist_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'NoSuchName'"):
+        _ = mffdrake.NoSuchName
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_module_says_what_it_is_for_and_lists_only_what_it_has(name):
+    module = importlib.import_module(name)
+    assert module.__doc__
+    for public in getattr(module, "__all__", []):
+        assert hasattr(module, public), public
+
+
+# Examples.
+
+
+@pytest.mark.parametrize("name", ["mffdrake", *MODULES])
+def test_the_examples_in_the_docstrings_are_right(name, capsys):
+    result = doctest.testmod(importlib.import_module(name))
+    assert result.failed == 0, capsys.readouterr().out
+
+
+def test_there_are_examples():
+    finder = doctest.DocTestFinder(exclude_empty=True)
+    documented = {
+        test.name
+        for name in MODULES
+        for test in finder.find(importlib.import_module(name))
+        if test.examples
+    }
+    systems = {"OneStepGaRecognizer", "MffPredictor", "PdController", "MakeHandEyeDiagram"}
+    assert systems <= {name.split(".")[-1] for name in documented}
