@@ -15,7 +15,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import Body
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from mffdrake.experiment.scenario import ControllerConfig, Scenario, ScenarioError
+from mffdrake.experiment.scenario import Scenario, ScenarioError
+from mffdrake.experiment.scenario_sections import ControllerConfig
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import (
     POSE_COORDINATES,

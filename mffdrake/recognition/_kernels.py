@@ -47,6 +47,30 @@ def _has_hue(hue: float, wanted: float, tolerance: float) -> bool:
 
 
 @njit(cache=True)
+def _hue_seen(
+    image: Image,
+    x: float,
+    y: float,
+    z: float,
+    focal_length: float,
+    min_saturation: float,
+    min_value: float,
+) -> float:
+    """Hue [rad] of the pixel on which a point in a camera's frame falls, or -1 for none."""
+    if z <= 0.0:
+        return -1.0
+    height, width = image.shape[0], image.shape[1]
+    # Eq. (15), (17); rounding finds the pixel, whose center is a whole number.
+    u = math.floor(focal_length * x / z + 0.5 * width)
+    v = math.floor(focal_length * y / z + 0.5 * height)
+    if u < 0 or u >= width or v < 0 or v >= height:
+        return -1.0
+    pixel = image[int(v), int(u)]
+    hue: float = pixel_hue(pixel[0], pixel[1], pixel[2], min_saturation, min_value)
+    return hue
+
+
+@njit(cache=True)
 def fitness_of_poses(
     poses: Array,
     image_right: Image,
@@ -78,8 +102,6 @@ def fitness_of_poses(
     The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
     `SolidModel` and `MatchingParameters`.
     """
-    height, width = image_right.shape[0], image_right.shape[1]
-    cu, cv = 0.5 * (width - 1), 0.5 * (height - 1)
     num_faces, num_edges = len(normals), len(edge_directions)
     most_sides = inside_distances.shape[1]
     visible = np.empty(num_faces, dtype=np.bool_)
@@ -147,21 +169,15 @@ def fitness_of_poses(
                         continue
                     count += 1
                     a, b, c = inside_points[j]
-                    pz = R20 * a + R21 * b + R22 * c + z
-                    if pz <= 0.0:
-                        continue
-                    scale = focal_length / pz
-                    # Eq. (15), (17); rounding finds the pixel, whose center is a whole number.
-                    u = math.floor(scale * (R00 * a + R01 * b + R02 * c + rx) + cu + 0.5)
-                    v = math.floor(scale * (R10 * a + R11 * b + R12 * c + y) + cv + 0.5)
-                    if 0 <= u < width and 0 <= v < height:
-                        iu, iv = int(u), int(v)
-                        hue = pixel_hue(
-                            image[iv, iu, 0], image[iv, iu, 1], image[iv, iu, 2],
-                            min_saturation, min_value,
-                        )  # fmt: skip
-                        if _has_hue(hue, hues[k], hue_tolerance):
-                            matches += 1
+                    hue = _hue_seen(
+                        image,
+                        R00 * a + R01 * b + R02 * c + rx,
+                        R10 * a + R11 * b + R12 * c + y,
+                        R20 * a + R21 * b + R22 * c + z,
+                        focal_length, min_saturation, min_value,
+                    )  # fmt: skip
+                    if _has_hue(hue, hues[k], hue_tolerance):
+                        matches += 1
             # The strip S_out: outside the edges between a visible and a hidden face.
             for k in range(num_edges):
                 if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
@@ -185,23 +201,18 @@ def fitness_of_poses(
                         a = edge_points[j, 0] + offset * nx
                         b = edge_points[j, 1] + offset * ny
                         c = edge_points[j, 2] + offset * nz
-                        pz = R20 * a + R21 * b + R22 * c + z
-                        if pz <= 0.0:
-                            continue
-                        scale = focal_length / pz
-                        u = math.floor(scale * (R00 * a + R01 * b + R02 * c + rx) + cu + 0.5)
-                        v = math.floor(scale * (R10 * a + R11 * b + R12 * c + y) + cv + 0.5)
-                        if 0 <= u < width and 0 <= v < height:
-                            iu, iv = int(u), int(v)
-                            hue = pixel_hue(
-                                image[iv, iu, 0], image[iv, iu, 1], image[iv, iu, 2],
-                                min_saturation, min_value,
-                            )  # fmt: skip
-                            # Any hue of the model, hidden faces' too, and once a point.
-                            for wanted in hues:
-                                if _has_hue(hue, wanted, hue_tolerance):
-                                    matches -= 1
-                                    break
+                        hue = _hue_seen(
+                            image,
+                            R00 * a + R01 * b + R02 * c + rx,
+                            R10 * a + R11 * b + R12 * c + y,
+                            R20 * a + R21 * b + R22 * c + z,
+                            focal_length, min_saturation, min_value,
+                        )  # fmt: skip
+                        # Any hue of the model, hidden faces' too, and once a point.
+                        for wanted in hues:
+                            if _has_hue(hue, wanted, hue_tolerance):
+                                matches -= 1
+                                break
             if count > 0 and matches > 0:
                 total += matches / count  # Eq. (21), at least zero
         fitness[i] = 0.5 * total  # Eq. (22)
