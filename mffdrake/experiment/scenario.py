@@ -5,8 +5,9 @@
 import dataclasses as dc
 import math
 from pathlib import Path
+from typing import Any
 
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_data, yaml_load_typed
 
 from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml, ScenarioError
 from mffdrake.experiment.scenario_sections import (
@@ -74,11 +75,20 @@ class Scenario:
         _Choice("recognizer.coding", self.recognizer.coding, ("binary", "gray"))
         _Choice("predictor.mode", self.predictor.mode, ("rigid", "velocity"))
         _Choice("controller.gains", self.controller.gains, tuple(PD_GAINS))
-        for key in ("duration", "camera.width", "camera.height", "camera.baseline"):
-            section, _, name = key.rpartition(".")
-            value = getattr(getattr(self, section) if section else self, name)
+        _Require(0 < self.duration < math.inf, "duration", self.duration, "must be positive")
+        tick = self.timing.control_period
+        _Require(
+            self.duration >= tick,
+            "duration",
+            self.duration,
+            f"must be at least timing.control_period ({tick} s)",
+        )
+        for key in ("camera.width", "camera.height", "camera.baseline"):
+            section, _, name = key.partition(".")
+            value = getattr(getattr(self, section), name)
             _Require(0 < value < math.inf, key, value, "must be positive")
         _Require(self.seed >= 0, "seed", self.seed, "must be at least 0")
+        _Require(self.seed < 2**63, "seed", self.seed, "must be below 2^63")
         fov = self.camera.fov_y_deg
         _Require(0 < fov < 180, "camera.fov_y_deg", fov, "must be between 0 and 180")
         _Length("camera.p_EC", self.camera.p_EC, 3)
@@ -125,8 +135,10 @@ class Scenario:
         )
 
     def Dump(self) -> str:
-        """The scenario as YAML, which `LoadScenario` reads back."""
-        return yaml_dump_typed(self)
+        """The scenario as YAML, complete, which `LoadScenario` reads back to the last bit."""
+        data = yaml_load_data(yaml_dump_typed(self), private=True)
+        _AddNulls(data, self)
+        return yaml_dump(data)
 
 
 def LoadScenario(file: Path | str | None = None, text: str | None = None) -> Scenario:
@@ -151,18 +163,32 @@ def LoadScenario(file: Path | str | None = None, text: str | None = None) -> Sce
     scenario = Scenario()
     sources = []
     if file is not None:
-        sources.append((str(file), Path(file).read_text(encoding="utf-8")))
+        try:
+            sources.append((str(file), Path(file).read_text(encoding="utf-8")))
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{file}: not a text file in UTF-8") from error
     if text is not None:
         sources.append(("scenario text", text))
     for name, yaml_text in sources:
         try:
-            CheckKeysAndTypes(ReadYaml(yaml_text), Scenario)
-            if yaml_text.strip():
+            data = ReadYaml(yaml_text)
+            CheckKeysAndTypes(data, Scenario)
+            if data:
                 scenario = yaml_load_typed(schema=Scenario, data=yaml_text, defaults=scenario)
             scenario.Validate()
         except ScenarioError as error:
             raise ScenarioError(f"{name}: {error}") from error
     return scenario
+
+
+def _AddNulls(data: dict[str, Any], config: object) -> None:
+    """Adds the keys without a value, which Drake's writer leaves out: they would read as defaults."""
+    for field in dc.fields(config):  # type: ignore[arg-type]
+        value = getattr(config, field.name)
+        if value is None:
+            data[field.name] = None
+        elif dc.is_dataclass(value):
+            _AddNulls(data[field.name], value)
 
 
 def _Require(condition: bool, key: str, value: object, rule: str) -> None:

@@ -41,7 +41,8 @@ def ReadYaml(text: str) -> dict[str, Any]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise ScenarioError(f"not YAML: {where}{getattr(error, 'problem', error)}") from error
+        problem = " ".join(str(getattr(error, "problem", error)).split())
+        raise ScenarioError(f"not YAML: {where}{problem}") from error
     if data is None:
         return {}
     if not isinstance(data, dict):
@@ -98,7 +99,7 @@ def _Fits(value: Any, kind: type) -> bool:
 
 
 def _CheckNumbers(value: Any, where: str, length: int | None = None) -> None:
-    good = isinstance(value, list) and all(_Fits(v, float) for v in value)
+    good = isinstance(value, list) and all(_Fits(v, float) and math.isfinite(v) for v in value)
     if not good or (length is not None and len(value) != length):
         count = "" if length is None else f"{length} "
         raise ScenarioError(f"{where} must be a list of {count}numbers, not {value!r}")
@@ -129,4 +130,8 @@ def _CheckRotation(value: Any, where: str) -> None:
         _CheckNumbers(value["deg"], f"{where}.deg", 3)
     elif tag == "!AngleAxis":
         _CheckValue(value["angle_deg"], float, f"{where}.angle_deg")
+        if math.isinf(value["angle_deg"]):
+            raise ScenarioError(f"{where}.angle_deg must be a finite number")
         _CheckNumbers(value["axis"], f"{where}.axis", 3)
+        if not any(value["axis"]):
+            raise ScenarioError(f"{where}.axis must not be zero")
