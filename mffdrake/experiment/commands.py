@@ -12,7 +12,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 from tqdm import tqdm
 
-from mffdrake.experiment.comparison import Compare, MakeVariants
+from mffdrake.experiment.comparison import Compare, MakeVariants, WorkerDiedError
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
 from mffdrake.experiment.files import MakeOutputFolder
@@ -31,6 +31,9 @@ from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 
 __all__ = ["RunCommand", "UserError"]
+
+
+_USER_ERRORS = (ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError)
 
 
 class UserError(Exception):
@@ -54,7 +57,7 @@ def RunCommand(options: argparse.Namespace) -> None:
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
         raise UserError(f"{name}{error.strerror or error}") from error
-    except (ScenarioError, UnreachablePathError, GraphicsUnavailableError) as error:
+    except _USER_ERRORS as error:
         raise UserError(str(error)) from error
 
 

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 
-__all__ = ["Compare", "MakeVariants"]
+__all__ = ["Compare", "MakeVariants", "WorkerDiedError"]
+
+
+class WorkerDiedError(RuntimeError):
+    """A process of a comparison ended before its work was done."""
 
 
 def MakeVariants(
@@ -62,6 +68,7 @@ def Compare(
 
     Raises:
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+        WorkerDiedError: When a process ended from outside.
     """
     notify = on_result or (lambda result: None)
     results: dict[int, SimulationResult] = {}
@@ -72,16 +79,28 @@ def Compare(
         return list(results.values())
     # Fresh processes: a forked copy of a process that has rendered would share its graphics state.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(scenarios)), mp_context=context) as pool:
+    count = min(workers, len(scenarios))
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_EndOnInterrupt) as pool:
         jobs = {pool.submit(_Run, scenario.Dump()): k for k, scenario in enumerate(scenarios)}
         try:
             for job in as_completed(jobs):
                 results[jobs[job]] = job.result()
                 notify(job.result())
+        except BrokenProcessPool as error:
+            raise WorkerDiedError(
+                "a worker process died, for lack of memory perhaps; run again with fewer workers"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
             raise
     return [results[k] for k in range(len(scenarios))]
+
+
+def _EndOnInterrupt() -> None:
+    """Lets Ctrl-C end a worker without a word; the parent process says what is to be said."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _Run(scenario: str) -> SimulationResult:

@@ -182,7 +182,7 @@ def LoadScenario(file: Path | str | None = None, text: str | None = None) -> Sce
 
 
 def _AddNulls(data: dict[str, Any], config: object) -> None:
-    """Adds the keys without a value, which Drake's writer leaves out: they would read as defaults."""
+    """Adds the keys without a value, which would read as defaults: Drake's writer omits them."""
     for field in dc.fields(config):  # type: ignore[arg-type]
         value = getattr(config, field.name)
         if value is None:
