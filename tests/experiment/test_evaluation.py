@@ -109,12 +109,14 @@ def test_settled_figures_are_those_from_five_seconds_on():
     late = LONG >= 5.0
     recognized = np.zeros((len(LONG), 6))
     recognized[:, 0] = np.where(late, 0.001, 0.100)
+    recognized[LONG == 5.0, 0] = 0.003  # Belongs to the settled ones.
     fitness = np.where(late, 0.9, 0.2)
     row = Evaluate(make_result(LONG, recognized=recognized, fitness=fitness))
-    assert row["rms_settled"]["x_mm"] == pytest.approx(1.0)
-    assert row["rms_settled"]["position_mm"] == pytest.approx(1.0)
+    settled = 10 * 1.0**2 + 3.0**2
+    assert row["rms_settled"]["x_mm"] == pytest.approx(math.sqrt(settled / 11))
+    assert row["rms_settled"]["position_mm"] == pytest.approx(math.sqrt(settled / 11))
     assert row["mean_fitness_settled"] == pytest.approx(0.9)
-    assert row["rms"]["x_mm"] == pytest.approx(math.sqrt((11 * 1.0**2 + 10 * 100.0**2) / 21))
+    assert row["rms"]["x_mm"] == pytest.approx(math.sqrt((settled + 10 * 100.0**2) / 21))
     assert row["mean_fitness"] == pytest.approx((11 * 0.9 + 10 * 0.2) / 21)
 
 

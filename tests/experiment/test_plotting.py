@@ -1,0 +1,348 @@
+"""Pictures: the panels with their units and data, the files, and an outline that fits the image."""
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import cv2
+import numpy as np
+import pytest
+
+from mffdrake.experiment.diagram import CalcDesiredPose, MakeHandEyeDiagram
+from mffdrake.experiment.evaluation import Evaluate
+from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
+from mffdrake.experiment.plotting import (
+    DrawOutline,
+    PlotComparison,
+    PlotErrors,
+    PlotHandPath,
+    PlotPose,
+    SaveFigure,
+)
+from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.simulation import Simulate, SimulationResult
+
+COORDINATES = ["x [mm]", "y [mm]", "z [mm]", "eps1", "eps2", "eps3"]
+TIME = 0.033 * np.arange(300)
+
+
+def make_result(method="mff", omega=0.105, seed=0, time=TIME):
+    """A record with an oscillation of its own in every coordinate."""
+    rng = np.random.default_rng(seed)
+    waves = 0.05 * np.sin(time[:, None] * np.arange(1.0, 7.0))
+    text = f"{{method: {method}, seed: {seed}, hand_path: {{omega: {omega}}}}}"
+    return SimulationResult(
+        scenario=LoadScenario(text=text).Dump(),
+        time=time,
+        true_pose=[0, 0.155, 0.8, 0, 0, 0] + waves,
+        recognized_pose=[0, 0.155, 0.8, 0, 0, 0] + waves + 0.01 * rng.random(waves.shape),
+        fitness=rng.random(len(time)),
+        desired_hand_pose=waves,
+        actual_hand_pose=waves + 0.001 * rng.random(waves.shape),
+        joint_positions=np.zeros((len(time), 7)),
+        joint_velocities=np.zeros((len(time), 7)),
+        stages_ms={"render": 8.0, "recognition": 2.0, "prediction": 0.5, "total": 12.0},
+        wall_s=4.0,
+    )
+
+
+def curves(axis):
+    """What is drawn, by label."""
+    return {line.get_label(): line for line in axis.get_lines()}
+
+
+def labels_of(axes):
+    return [axis.get_ylabel() for axis in axes]
+
+
+# Figures.
+
+
+def test_the_hand_path_has_six_panels_over_time():
+    result = make_result()
+    figure = PlotHandPath(result)
+    assert labels_of(figure.axes) == COORDINATES
+    assert [axis.get_xlabel() for axis in figure.axes] == 3 * [""] + 3 * ["time [s]"]
+    assert "0.105 rad/s" in figure.get_suptitle()
+    for k, axis in enumerate(figure.axes):
+        lines = curves(axis)
+        unit = 1e3 if k < 3 else 1.0
+        for name, pose in (
+            ("actual", result.actual_hand_pose),
+            ("desired", result.desired_hand_pose),
+        ):
+            np.testing.assert_array_equal(lines[name].get_xdata(), result.time)
+            np.testing.assert_array_equal(lines[name].get_ydata(), unit * pose[:, k])
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == [
+        "actual", "desired",
+    ]  # fmt: skip
+
+
+def test_a_hand_that_stays_is_not_magnified_to_noise():
+    result = make_result()
+    result.actual_hand_pose[:] = 1e-9 * np.random.default_rng(0).random((len(TIME), 6))
+    result.desired_hand_pose[:] = 0.0
+    for k, axis in enumerate(PlotHandPath(result).axes):
+        low, high = axis.get_ylim()
+        assert high - low >= (1.0 if k < 3 else 0.001)  # mm, or a quaternion's component
+
+
+def test_the_pose_has_seven_panels_with_both_methods_and_the_truth():
+    results = [make_result("ga", seed=1), make_result("mff", seed=1)]
+    figure = PlotPose(results)
+    assert labels_of(figure.axes) == [*COORDINATES, "fitness"]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    assert "0.105 rad/s" in figure.get_suptitle() and "seed 1" in figure.get_suptitle()
+    for k, axis in enumerate(figure.axes[:6]):
+        lines = curves(axis)
+        unit = 1e3 if k < 3 else 1.0
+        true = unit * results[0].true_pose[:, k]
+        np.testing.assert_array_equal(lines["true"].get_ydata(), true)
+        for name, result in zip(("1-step GA", "MFF + 1-step GA"), results, strict=True):
+            drawn = lines[name].get_ydata()
+            np.testing.assert_array_equal(drawn, unit * result.recognized_pose[:, k])
+        low, high = axis.get_ylim()
+        assert low < true.min() and true.max() < high
+    fitness = [line.get_ydata() for line in figure.axes[6].get_lines()]
+    for drawn, result in zip(fitness, results, strict=True):
+        np.testing.assert_array_equal(drawn, result.fitness)
+    low, high = figure.axes[6].get_ylim()
+    assert low <= 0.0 and high >= 1.0
+
+
+def test_a_wild_guess_does_not_hide_the_rest():
+    result = make_result()
+    calm = [axis.get_ylim() for axis in PlotPose([result]).axes]
+    result.recognized_pose[0] = 100.0
+    assert [axis.get_ylim() for axis in PlotPose([result]).axes] == calm
+
+
+def test_errors_have_a_panel_for_each_speed():
+    results = [make_result(m, omega) for omega in (0.105, 0.314) for m in ("ga", "mff")]
+    figure = PlotErrors(results)
+    assert labels_of(figure.axes) == ["position error [mm]"] * 2
+    assert [axis.get_title() for axis in figure.axes] == [
+        "omega = 0.105 rad/s", "omega = 0.314 rad/s",
+    ]  # fmt: skip
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    for axis, pair in zip(figure.axes, (results[:2], results[2:]), strict=True):
+        assert axis.get_yscale() == "log"
+        lines = curves(axis)
+        for name, result in zip(
+            ("1-step GA, seed 0", "MFF + 1-step GA, seed 0"), pair, strict=True
+        ):
+            error = (result.recognized_pose - result.true_pose)[:, :3]
+            expected = 1e3 * np.sqrt((error**2).sum(axis=1))
+            np.testing.assert_allclose(lines[name].get_ydata(), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("time", "window"), [(TIME, "after the first 5 s"), (TIME[:9], "all")])
+def test_the_comparison_has_three_panels_over_the_speed(time, window):
+    rows = [
+        Evaluate(make_result(method, omega, seed, time))
+        for omega in (0.314, 0.105) for method in ("ga", "mff") for seed in (0, 1, 2)
+    ]  # fmt: skip
+    figure = PlotComparison(rows)
+    assert labels_of(figure.axes) == [
+        "mean fitness", "position error (rms) [mm]", "rotation error (rms) [deg]",
+    ]  # fmt: skip
+    assert window in figure.get_suptitle()
+    suffix = "_settled" if len(time) > 200 else ""
+    for axis, key in zip(figure.axes, (None, "position_mm", "rotation_deg"), strict=True):
+        assert axis.get_xlabel() == "omega [rad/s]"
+        lines = curves(axis)
+        for name, method in (("1-step GA", "ga"), ("MFF + 1-step GA", "mff")):
+            np.testing.assert_array_equal(lines[name].get_xdata(), [0.105, 0.314])
+            for omega, drawn in zip((0.105, 0.314), lines[name].get_ydata(), strict=True):
+                values = [
+                    row[f"rms{suffix}"][key] if key else row[f"mean_fitness{suffix}"]
+                    for row in rows
+                    if (row["method"], row["omega"]) == (method, omega)
+                ]
+                assert drawn == pytest.approx(sorted(values)[1])
+        points = [line for line in axis.get_lines() if line.get_linestyle() == "None"]
+        assert sum(len(line.get_xdata()) for line in points) == len(rows)
+
+
+def test_figures_belong_to_no_window(tmp_path):
+    """Nothing piles up in matplotlib's list of figures; pyplot is not even loaded."""
+    code = (
+        "import sys; from mffdrake.experiment.plotting import _Figure, SaveFigure; "
+        f"SaveFigure(_Figure(1, 1, (2.0, 2.0))[0], {str(tmp_path / 'a.png')!r}); "
+        "sys.exit('matplotlib.pyplot' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert (tmp_path / "a.png").stat().st_size > 0
+
+
+# Files.
+
+
+def test_a_figure_is_saved_as_png_or_svg(tmp_path):
+    figure = PlotPose([make_result()])
+    SaveFigure(figure, tmp_path / "pose.png")
+    SaveFigure(figure, str(tmp_path / "pose.svg"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["pose.png", "pose.svg"]
+    image = cv2.imread(str(tmp_path / "pose.png"))
+    width, height = figure.get_size_inches() * 120
+    assert image.shape == (round(height), round(width), 3)
+    assert image.std() > 5.0  # There is something to see.
+    root = ET.parse(tmp_path / "pose.svg").getroot()
+    assert root.tag.endswith("}svg")
+
+
+def test_a_figure_that_cannot_be_saved_leaves_nothing(tmp_path):
+    figure = PlotHandPath(make_result())
+    with pytest.raises(OSError):
+        SaveFigure(figure, tmp_path / "missing" / "a.png")
+    with pytest.raises(ValueError, match="svg"):  # matplotlib lists the formats it knows.
+        SaveFigure(figure, tmp_path / "a.nonsense")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_image_is_saved_as_it_is(tmp_path):
+    image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
+    SaveImage(image, tmp_path / "a.png")
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png"))[:, :, ::-1], image)
+
+
+# The outline, over rendered images in which faces differ in hue and the background is grey.
+
+VIEWS = {
+    "as in the paper": "[-90, 0, -90]",
+    "three faces": "[-70, 25, -60]",
+    "on its corner": "[-50, -30, -120]",
+}
+
+
+@pytest.fixture(scope="module", params=VIEWS)
+def view(request):
+    """Right and left image of the target at rest, its true pose, and the recognizer's matcher."""
+    text = f"target: {{X_WM: {{rotation: !Rpy {{deg: {VIEWS[request.param]}}}}}}}"
+    scenario = LoadScenario(text="{duration: 0.1, camera: {width: 320, height: 240}, " + text + "}")
+    diagram = MakeHandEyeDiagram(scenario)
+    context = diagram.CreateDefaultContext()
+    right, left = (
+        diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
+        for side in ("right", "left")
+    )
+    matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
+    return right, left, CalcDesiredPose(scenario, 0.0), matcher
+
+
+def color_borders(image):
+    """Pixels with a neighbor of another color: the borders of the faces and of the silhouette."""
+    hsv = cv2.cvtColor(image[:, :, :3], cv2.COLOR_RGB2HSV)
+    color = np.where(hsv[:, :, 1] > 128, 1 + np.rint(hsv[:, :, 0] / 60.0) % 3, 0)
+    border = np.zeros(color.shape, dtype=bool)
+    beside, below = color[:, 1:] != color[:, :-1], color[1:] != color[:-1]
+    for part, differs in (
+        (border[:, 1:], beside), (border[:, :-1], beside), (border[1:], below), (border[:-1], below)
+    ):  # fmt: skip
+        part |= differs
+    return border
+
+
+def distance_to(mask):
+    """Distance of every pixel from the nearest one in a mask [px]."""
+    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+
+
+def largest_gaps(view, pose):
+    """How far the outline gets from the colors' borders, and the other way round [px]."""
+    right, left, _, matcher = view
+    drawn = DrawOutline(right, left, pose, matcher.search_model.solid, matcher.camera)
+    gaps = []
+    for image, over in zip((left, right), np.split(drawn, 2, axis=1), strict=True):
+        border = color_borders(image)
+        outline = np.any(cv2.absdiff(over, image[:, :, :3].copy()) > 64, axis=2)
+        gaps.append((distance_to(border)[outline].max(), distance_to(outline)[border].max()))
+    return np.array(gaps)
+
+
+def test_the_true_poses_outline_lies_on_the_borders_of_the_colors(view):
+    gaps = largest_gaps(view, view[2])
+    assert np.all(gaps[:, 0] <= 2.0)  # No part of the line, two pixels wide, is anywhere else,
+    assert np.all(gaps[:, 1] <= 1.0)  # and no border is left out.
+
+
+def test_another_poses_outline_does_not(view):
+    for k, step in enumerate([0.01, 0.01, 0.05, 0.1, 0.1, 0.1]):
+        pose = view[2].copy()
+        pose[k] += step
+        assert np.all(largest_gaps(view, pose)[:, 0] > 2.0)
+
+
+def test_the_outline_is_white_and_black(view):
+    right, left, pose, matcher = view
+    drawn = DrawOutline(right, left, pose, matcher.search_model.solid, matcher.camera)
+    changed = drawn[np.any(drawn != np.hstack([left, right])[:, :, :3], axis=2)]
+    assert np.sum(changed.max(axis=1) < 60) > 100
+    assert np.sum(changed.min(axis=1) > 100) > 100
+
+
+def test_the_outline_changes_no_image_it_is_drawn_over(view):
+    right, left, pose, matcher = view
+    copies = right.copy(), left.copy()
+    for images in ((right, left), (right[:, :, :3].copy(), left[:, :, :3].copy())):
+        before = [image.copy() for image in images]
+        drawn = DrawOutline(*images, pose, matcher.search_model.solid, matcher.camera)
+        assert drawn.shape == (240, 640, 3)
+        assert drawn.dtype == np.uint8
+        for image, same in zip(images, before, strict=True):
+            np.testing.assert_array_equal(image, same)
+    np.testing.assert_array_equal(copies, (right, left))
+
+
+# Rendered pictures of a run.
+
+
+@pytest.fixture(scope="module")
+def run():
+    text = "{duration: 0.3, camera: {width: 160, height: 120}, recognizer: {start: near_target}}"
+    scenario = LoadScenario(text=text)
+    diagram = MakeHandEyeDiagram(scenario)
+    return diagram, scenario, Simulate(scenario, diagram=diagram)
+
+
+def test_the_camera_view_shows_both_images_with_the_recognized_pose(run):
+    diagram, scenario, result = run
+    images = [DrawCameraView(diagram, scenario, result, frame) for frame in (0, -1)]
+    for image in images:
+        assert image.shape == (120, 320, 3)
+        hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
+        colorful = (hsv[:, :, 1] > 128) & (hsv[:, :, 2] > 60)
+        for half in np.split(colorful, 2, axis=1):
+            assert 0.02 < half.mean() < 0.5
+    assert np.any(images[0] != images[1])
+
+
+def test_the_scene_shows_the_arm_and_the_target(run):
+    diagram, _, result = run
+    image = DrawScene(diagram, result, width=240, height=180)
+    assert image.shape == (180, 240, 3)
+    hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
+    assert 0.001 < ((hsv[:, :, 1] > 128) & (hsv[:, :, 2] > 60)).mean() < 0.1  # the target
+    background = np.all(image == image[0, 0], axis=2)
+    assert 0.3 < background.mean() < 0.95
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png"])
+def test_the_diagram_is_drawn_with_its_parts(run, tmp_path, suffix):
+    SaveDiagram(run[0], tmp_path / f"diagram.{suffix}")
+    if suffix == "png":
+        image = cv2.imread(str(tmp_path / "diagram.png"))
+        assert image.size > 100_000 and image.std() > 5.0
+    else:
+        text = " ".join(ET.parse(tmp_path / "diagram.svg").getroot().itertext())
+        for part in ("recognizer", "predictor", "stereo_camera", "pd_controller", "hand_path"):
+            assert re.search(rf"\b{part}\b", text)
+    assert [path.name for path in tmp_path.iterdir()] == [f"diagram.{suffix}"]
+
+
+def test_without_graphviz_the_error_has_the_command_that_helps(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(OSError, match="apt-get install graphviz"):
+        SaveDiagram(run[0], tmp_path / "diagram.svg")
+    assert list(tmp_path.iterdir()) == []

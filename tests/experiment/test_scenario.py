@@ -1,0 +1,643 @@
+"""Scenarios: the paper's values by default, YAML on top, and clear words for whatever is wrong."""
+
+import dataclasses as dc
+import inspect
+import math
+import re
+import types
+import typing
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RotationMatrix
+
+from mffdrake.experiment.diagram import CalcDesiredPose
+from mffdrake.experiment.scenario import METHODS, LoadScenario, Scenario, ScenarioError
+from mffdrake.recognition import (
+    GeneCoding,
+    GeneticParameters,
+    LocalMoveParameters,
+    MatchingParameters,
+    NearStart,
+    OneStepGaTracker,
+    SamplingParameters,
+    SearchRange,
+    StereoCamera,
+)
+from mffdrake.systems.hand_path import HandPath
+from mffdrake.systems.pa10 import AddCameraFrames
+from mffdrake.systems.pd_controller import PdGains
+from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.timing import Timing
+
+
+def all_keys(schema=Scenario, above=()):
+    """Every key that holds a value, with its type: {("camera", "width"): int, ...}."""
+    keys = {}
+    for field in dc.fields(schema):
+        key = (*above, field.name)
+        keys |= all_keys(field.type, key) if dc.is_dataclass(field.type) else {key: field.type}
+    return keys
+
+
+def sections(schema=Scenario, above=()):
+    """Every key that holds a mapping of keys."""
+    found = []
+    for field in dc.fields(schema):
+        if dc.is_dataclass(field.type):
+            key = (*above, field.name)
+            found += [key, *sections(field.type, key)]
+    return found
+
+
+def read(scenario, key):
+    """The value of a key, a Transform as its 3 x 4 matrix."""
+    for name in key:
+        scenario = getattr(scenario, name)
+    if isinstance(scenario, Transform):
+        return scenario.GetDeterministicValue().GetAsMatrix34().tolist()
+    return scenario
+
+
+def to_yaml(key, value):
+    """YAML that gives one key a value."""
+    for name in reversed(key):
+        value = {name: value}
+    return yaml.safe_dump(value, default_flow_style=True, width=math.inf)
+
+
+def values(scenario):
+    return {key: read(scenario, key) for key in all_keys()}
+
+
+def error_of(text=None, file=None):
+    """The message of what must be a ScenarioError of one line."""
+    with pytest.raises(ScenarioError) as caught:
+        LoadScenario(file, text)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    return message
+
+
+# Defaults.
+
+
+def test_the_defaults_are_the_papers_values():
+    scenario = Scenario()
+    paper = {
+        "hand_path.amplitude_deg": 15.0,
+        "hand_path.distance": 0.8,
+        "hand_path.omega": 0.105,
+        "controller.gains": "lightly_damped",
+        "camera.width": 640,
+        "camera.height": 480,
+        "camera.fov_y_deg": 45.0,
+        "camera.baseline": 0.15,
+        "camera.p_EC": [0.0, -0.155, 0.0],
+        "recognizer.population_size": 60,
+        "recognizer.generations_per_frame": 1,
+        "recognizer.coding": "binary",
+        "recognizer.bits": 12,
+        "recognizer.survivor_share": 0.5,
+        "recognizer.mutation_probability": 0.02,
+        "recognizer.search_range.x": [-0.15, 0.15],
+        "recognizer.search_range.y": [0.0, 0.3],
+        "recognizer.search_range.z": [0.65, 0.95],
+        "recognizer.search_range.eps1": [-0.5, 0.5],
+        "recognizer.search_range.eps2": [-0.5, 0.5],
+        "recognizer.search_range.eps3": [-0.5, 0.5],
+        "predictor.latency": 0.0,
+        "predictor.gain": 1.0,
+        "timing.control_period": 0.001,
+        "timing.vision_period": 0.033,
+        "method": "mff",
+        "renderer": "vtk",
+        "duration": 40.0,
+        "seed": 0,
+    }
+    for key, value in paper.items():
+        assert read(scenario, key.split(".")) == value, key
+    assert METHODS == ("ga", "mff")
+    first_hand_pose = RigidTransform(
+        RotationMatrix(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])),
+        [0.918, 0.0, 0.455],
+    )
+    X_WE0 = scenario.hand_path.X_WE0.GetDeterministicValue()
+    assert X_WE0.IsNearlyEqualTo(first_hand_pose, 1e-15)
+
+
+def test_the_target_starts_where_the_paper_has_it_in_the_camera():
+    pose = CalcDesiredPose(Scenario(), 0.0)
+    np.testing.assert_allclose(pose, [0.0, 0.155, 0.8, 0.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_the_defaults_are_valid_and_nothing_is_the_same_as_no_text_and_no_file(tmp_path):
+    Scenario().Validate()
+    (tmp_path / "empty.yaml").write_text("")
+    (tmp_path / "comment.yaml").write_text("# nothing yet\n")
+    for scenario in (
+        LoadScenario(),
+        LoadScenario(text=""),
+        LoadScenario(text="  \n"),
+        LoadScenario(text="# only a comment"),
+        LoadScenario(text="{}"),
+        LoadScenario(tmp_path / "empty.yaml"),
+        LoadScenario(str(tmp_path / "comment.yaml"), text=""),
+    ):
+        assert values(scenario) == values(Scenario())
+
+
+def test_two_scenarios_share_no_lists():
+    first, second = Scenario(), Scenario()
+    first.camera.p_EC[0] = 1.0
+    first.recognizer.search_range.x[0] = -1.0
+    first.recognizer.sampling.strip_offsets.append(0.1)
+    assert values(second) == values(LoadScenario())
+
+
+def test_every_key_of_the_issue_is_there():
+    promised = {
+        "hand_path": {"amplitude_deg", "distance", "omega"},
+        "controller": set(),
+        "camera": {"width", "height", "fov_y_deg", "baseline", "p_EC"},
+        "target": {"model", "X_WM"},
+        "recognizer": {
+            "population_size", "generations_per_frame", "coding", "search_range", "start",
+        },
+        "predictor": {"mode", "latency", "gain"},
+        "timing": {"control_period", "vision_period"},
+        "method": set(), "renderer": set(), "duration": set(), "seed": set(),
+    }  # fmt: skip
+    top = {field.name: field.type for field in dc.fields(Scenario)}
+    assert set(top) == set(promised)
+    for key, inner in promised.items():
+        if inner:
+            assert inner <= {field.name for field in dc.fields(top[key])}
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda s: s.timing.Make(), Timing()),
+        (lambda s: s.recognizer.MakeCoding(), GeneCoding()),
+        (lambda s: s.recognizer.MakeCoding().search_range, SearchRange()),
+        (lambda s: s.recognizer.MakeParameters(), GeneticParameters()),
+        (lambda s: s.recognizer.MakeSampling(), SamplingParameters()),
+        (lambda s: s.recognizer.MakeMatching(), MatchingParameters()),
+        (lambda s: s.recognizer.MakeLocalMoves(), LocalMoveParameters()),
+        (lambda s: tuple(s.recognizer.start_spread), NearStart(pose=np.zeros(6)).spread),
+        (lambda s: PdGains.FromPreset(s.controller.gains), PdGains.LightlyDamped()),
+    ],
+)
+def test_a_sections_defaults_are_those_of_the_class_behind_it(make, expected):
+    assert make(Scenario()) == expected
+
+
+def test_the_hand_paths_defaults_are_those_of_the_class_behind_it():
+    path, expected = Scenario().hand_path.Make(), HandPath()
+    for name in ("amplitude", "distance", "omega"):
+        assert getattr(path, name) == getattr(expected, name)
+    assert path.X_WE0.IsNearlyEqualTo(expected.X_WE0, 1e-15)
+
+
+def test_the_other_defaults_are_those_of_the_functions_and_classes_behind_them():
+    scenario = Scenario()
+
+    def default(function, name):
+        return inspect.signature(function).parameters[name].default
+
+    for name in ("mode", "latency", "gain"):
+        assert getattr(scenario.predictor, name) == default(MffPredictor, name)
+    camera = StereoCamera()
+    config = scenario.camera
+    assert (config.width, config.height) == (camera.width, camera.height)
+    assert config.baseline == camera.baseline == default(AddCameraFrames, "baseline")
+    assert tuple(config.p_EC) == default(AddCameraFrames, "p_EC")
+    focal_length = 0.5 * config.height / math.tan(0.5 * math.radians(config.fov_y_deg))
+    assert focal_length == pytest.approx(camera.focal_length, rel=1e-14)
+    generations = default(OneStepGaTracker, "generations_per_frame")
+    assert scenario.recognizer.generations_per_frame == generations
+    assert scenario.seed == default(OneStepGaTracker, "seed")
+
+
+@pytest.mark.parametrize(
+    ("section", "parameters"),
+    [
+        ("recognizer", GeneticParameters),
+        ("recognizer.search_range", SearchRange),
+        ("recognizer.sampling", SamplingParameters),
+        ("recognizer.matching", MatchingParameters),
+        ("recognizer.local_moves", LocalMoveParameters),
+        ("timing", Timing),
+    ],
+)
+def test_every_parameter_of_a_class_has_a_key(section, parameters):
+    config = Scenario()
+    for name in section.split("."):
+        config = getattr(config, name)
+    keys = {field.name for field in dc.fields(config)}
+    assert keys >= {field.name for field in dc.fields(parameters)}
+
+
+# What a scenario holds reaches the parts.
+
+
+def test_a_changed_value_reaches_the_part_it_is_for():
+    text = """
+        hand_path: {amplitude_deg: 10, distance: 0.7, omega: 0.2}
+        timing: {control_period: 0.002, vision_period: 0.05}
+        recognizer:
+          population_size: 20
+          coding: gray
+          bits: 8
+          search_range: {z: [0.5, 1.0]}
+          sampling: {spacing: 0.03, margin: null, strip_offsets: [0.006]}
+          matching: {hue_tolerance_deg: 15}
+          local_moves: {sparsity: 0.25}
+    """
+    scenario = LoadScenario(text=text)
+    path = scenario.hand_path.Make()
+    assert (path.amplitude, path.distance, path.omega) == (math.radians(10), 0.7, 0.2)
+    assert scenario.timing.Make() == Timing(control_period=0.002, vision_period=0.05)
+    recognizer = scenario.recognizer
+    assert recognizer.MakeParameters() == GeneticParameters(population_size=20)
+    assert recognizer.MakeCoding() == GeneCoding(
+        search_range=SearchRange(z=(0.5, 1.0)), bits=8, coding="gray"
+    )
+    assert recognizer.MakeSampling() == SamplingParameters(
+        spacing=0.03, margin=None, strip_offsets=(0.006,)
+    )
+    assert recognizer.MakeMatching() == MatchingParameters(hue_tolerance_deg=15)
+    assert recognizer.MakeLocalMoves() == LocalMoveParameters(sparsity=0.25)
+
+
+# A file, then a text on top.
+
+
+def test_a_text_goes_on_top_of_a_file_which_goes_on_top_of_the_defaults(tmp_path):
+    file = tmp_path / "scenario.yaml"
+    file.write_text(
+        "seed: 3\n"
+        "camera: {width: 320, height: 240}\n"
+        "recognizer: {search_range: {x: [-0.2, 0.2], y: [0, 0.2]}}\n"
+        "target: {X_WM: {translation: [1.8, 0, 0.4], rotation: !Rpy {deg: [-80, 0, -90]}}}\n"
+    )
+    scenario = LoadScenario(
+        file, "{method: ga, camera: {height: 200}, recognizer: {search_range: {x: [-0.1, 0.1]}}}"
+    )
+    changed = {
+        ("seed",): 3,
+        ("camera", "width"): 320,
+        ("camera", "height"): 200,
+        ("method",): "ga",
+        ("recognizer", "search_range", "x"): [-0.1, 0.1],
+        ("recognizer", "search_range", "y"): [0.0, 0.2],
+    }
+    for key in all_keys():
+        if key != ("target", "X_WM"):
+            assert read(scenario, key) == changed.get(key, read(Scenario(), key)), key
+    assert read(scenario, ("target", "X_WM")) == read(LoadScenario(file), ("target", "X_WM"))
+
+
+@pytest.mark.parametrize("part", ["translation", "rotation"])
+def test_half_a_pose_keeps_the_other_half(part):
+    given = {"translation": "[1.8, 0, 0.4]", "rotation": "!Rpy {deg: [10, 20, 30]}"}[part]
+    scenario = LoadScenario(text=f"target: {{X_WM: {{{part}: {given}}}}}")
+    X, default = (s.target.X_WM.GetDeterministicValue() for s in (scenario, Scenario()))
+    same_translation = np.array_equal(X.translation(), default.translation())
+    same_rotation = np.array_equal(X.rotation().matrix(), default.rotation().matrix())
+    assert (same_translation, same_rotation) == (part == "rotation", part == "translation")
+
+
+@pytest.mark.parametrize(
+    ("rotation", "expected"),
+    [
+        ("!Rpy {deg: [0, 0, 90]}", [[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+        ("!AngleAxis {angle_deg: 90, axis: [0, 0, 2]}", [[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+        ("!Identity {}", np.eye(3)),
+    ],
+)
+def test_rotations_can_be_given_in_three_ways(rotation, expected):
+    scenario = LoadScenario(text=f"target: {{X_WM: {{rotation: {rotation}}}}}")
+    R = scenario.target.X_WM.GetDeterministicValue().rotation().matrix()
+    np.testing.assert_allclose(R, expected, atol=1e-15)
+
+
+def test_a_whole_number_may_be_written_with_a_point_and_a_number_without():
+    scenario = LoadScenario(text="{seed: 3.0, duration: 2, camera: {fov_y_deg: 50}}")
+    assert (scenario.seed, type(scenario.seed)) == (3, int)
+    assert (scenario.duration, scenario.camera.fov_y_deg) == (2.0, 50.0)
+
+
+# Writing and reading back.
+
+OTHER = """
+hand_path:
+  amplitude_deg: 12.5
+  distance: 0.75
+  omega: 0.2
+  X_WE0: {translation: [0.9, 0.1, 0.4], rotation: !Rpy {deg: [-91.3, 0.7, -88.1]}}
+controller:
+  gains: well_damped
+  kp: [100, 200, 30, 40, 5, 6.5, 7]
+  kd: [1, 2, 3, 4, 0.5, 0.6, 0.7]
+  gravity_compensation: false
+camera: {width: 320, height: 200, fov_y_deg: 33.3, baseline: 0.1, p_EC: [0.01, -0.1, 0.02]}
+target:
+  model: /tmp/prism.sdf
+  X_WM: {translation: [1.5, 0.2, 0.3], rotation: !AngleAxis {angle_deg: 77.7, axis: [1, 2, 3]}}
+recognizer:
+  population_size: 30
+  generations_per_frame: 2
+  coding: gray
+  bits: 10
+  survivor_share: 0.4
+  mutation_probability: 0.01
+  local_share: 0.3
+  newcomer_share: 0.2
+  first_candidates: 5
+  search_range:
+    x: [-0.1, 0.2]
+    y: [0.05, 0.2]
+    z: [0.6, 1.0]
+    eps1: [-0.4, 0.4]
+    eps2: [-0.3, 0.3]
+    eps3: [-0.2, 0.2]
+  start: near_target
+  start_spread: [0.02, 0.03]
+  sampling: {spacing: 0.025, margin: null, strip_offsets: [0.006]}
+  matching:
+    hue_tolerance_deg: 25
+    min_saturation: 0.4
+    min_value: 0.3
+    min_cosine: 0.02
+    min_border_distance: 0
+  local_moves: {depth: 0.1, shift: 0.02, rotation_deg: 20, decades: 1.5, sparsity: 0.4}
+predictor: {mode: velocity, latency: 0.034, gain: 0.9}
+timing: {control_period: 0.002, vision_period: 0.05}
+method: ga
+renderer: vtk
+duration: 12.25
+seed: 11
+"""
+
+
+def test_the_other_scenario_of_these_tests_has_another_value_for_every_key():
+    other, default = values(LoadScenario(text=OTHER)), values(Scenario())
+    same = [key for key in other if other[key] == default[key]]
+    assert set(same) <= {("renderer",)}
+
+
+@pytest.mark.parametrize("text", ["", OTHER], ids=["default", "other"])
+def test_a_dumped_scenario_is_read_back_to_the_last_bit(text):
+    scenario = LoadScenario(text=text)
+    again = LoadScenario(text=scenario.Dump())
+    assert values(again) == values(scenario)
+    assert again.Dump() == scenario.Dump()
+
+
+def test_a_dumped_scenario_replaces_every_value_that_it_is_put_on_top_of(tmp_path):
+    file = tmp_path / "other.yaml"
+    file.write_text(OTHER)
+    assert values(LoadScenario(file, Scenario().Dump())) == values(Scenario())
+
+
+def test_a_dump_shows_every_key():
+    data = yaml.safe_load(re.sub(r"!\w+", "", Scenario().Dump()))
+    for key in all_keys():
+        level = data
+        for name in key:
+            assert name in level, key
+            level = level[name]
+
+
+# What is wrong is said in one line that names the source, the key and what is allowed.
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "allowed"),
+    [
+        # Unknown keys.
+        ("sed: 3", "'sed'", "did you mean 'seed'.*known keys: hand_path, .*seed"),
+        ("nonsense: 3", "'nonsense'", "known keys: hand_path, .*seed"),
+        ("hand_path: {omga: 1}", "'omga' in hand_path", "did you mean 'omega'.*X_WE0"),
+        ("camera: {Width: 1}", "'Width' in camera", "did you mean 'width'.*p_EC"),
+        ("recognizer: {search_range: {u: [0, 1]}}", "'u' in recognizer.search_range", "x, y, z"),
+        ("recognizer: {sampling: {margins: 1}}", "recognizer.sampling", "'margin'"),
+        ("{1: 2}", "'1'", "known keys"),
+        ("target: {X_WM: {base_frame: w}}", "'base_frame' in target.X_WM", "translation, rotation"),
+        ("hand_path: !Circle {omega: 1}", "hand_path", "known keys"),
+        # Wrong types.
+        ("seed: '3'", "seed", "a whole number, not '3'"),
+        ("seed: 1.5", "seed", "a whole number, not 1.5"),
+        ("seed: true", "seed", "a whole number, not True"),
+        ("seed:", "seed", "a whole number, not None"),
+        ("duration: long", "duration", "a number, not 'long'"),
+        ("duration: [3]", "duration", "a number"),
+        ("duration: .nan", "duration", "a number, not nan"),
+        ("method: 3", "method", "a text"),
+        ("camera: 640", "camera", "a mapping with the keys width, height"),
+        ("camera:", "camera", "a mapping with the keys width, height"),
+        ("camera: {width: wide}", "camera.width", "a whole number"),
+        ("controller: {gravity_compensation: 1}", "gravity_compensation", "true or false, not 1"),
+        ("controller: {kp: 100}", "controller.kp", "a list of .*numbers"),
+        ("camera: {p_EC: [a, b, c]}", "camera.p_EC", "a list of .*numbers"),
+        ("camera: {p_EC: [0, .nan, 0]}", "camera.p_EC", "a list of .*numbers"),
+        # Sizes and periods that are zero, negative or infinite.
+        ("camera: {width: 0}", "camera.width", "positive, not 0"),
+        ("camera: {height: -480}", "camera.height", "positive, not -480"),
+        ("camera: {baseline: -0.1}", "camera.baseline", "positive"),
+        ("camera: {fov_y_deg: 0}", "camera.fov_y_deg", "between 0 and 180"),
+        ("camera: {fov_y_deg: 180}", "camera.fov_y_deg", "between 0 and 180"),
+        ("duration: 0", "duration", "positive"),
+        ("duration: -1", "duration", "positive, not -1"),
+        ("duration: .inf", "duration", "positive.*inf"),
+        ("seed: -1", "seed", "at least 0, not -1"),
+        ("timing: {control_period: 0}", "control_period", "positive"),
+        ("timing: {control_period: -0.001}", "control_period", "positive, not -0.001"),
+        ("timing: {vision_period: -0.033}", "vision_period", "positive, not -0.033"),
+        ("timing: {vision_period: .inf}", "vision_period", "positive"),
+        ("timing: {vision_period: 0.0335}", "vision_period", "whole multiple of .*control_period"),
+        ("timing: {control_period: 0.1}", "vision_period", "whole multiple of .*control_period"),
+        ("hand_path: {omega: -0.1}", "hand.path.*omega", "0 or positive, not -0.1"),
+        ("hand_path: {omega: .inf}", "hand.path.*omega", "0 or positive"),
+        ("hand_path: {distance: 0}", "hand.path.*distance", "positive"),
+        ("hand_path: {amplitude_deg: -1}", "hand.path.*amplitude", "from 0"),
+        ("hand_path: {amplitude_deg: 180}", "hand.path.*amplitude", "below"),
+        ("predictor: {latency: -0.001}", "predictor.latency", "at least 0"),
+        ("predictor: {latency: 0.0005}", "predictor.latency", "whole multiple"),
+        ("predictor: {latency: .inf}", "predictor.latency", "whole multiple"),
+        ("predictor: {gain: .inf}", "predictor.gain", "finite"),
+        ("recognizer: {population_size: 1}", "recognizer.*population_size", "at least 2, not 1"),
+        ("recognizer: {generations_per_frame: 0}", "generations_per_frame", "at least 1, not 0"),
+        ("recognizer: {first_candidates: 0}", "recognizer.*first_candidates", "at least 1"),
+        ("recognizer: {bits: 0}", "recognizer.*bits", "between 1 and 31, not 0"),
+        ("recognizer: {survivor_share: 1.1}", "recognizer.*survivor_share", "between 0 and 1"),
+        ("recognizer: {local_share: 0.95}", "local_share and newcomer_share", "not exceed 1"),
+        ("recognizer: {start_spread: [-1, 0]}", "recognizer.start_spread", "at least 0"),
+        ("recognizer: {sampling: {spacing: 0}}", "recognizer.sampling.*spacing", "positive"),
+        ("recognizer: {sampling: {margin: -1}}", "recognizer.sampling.*margin", "positive or null"),
+        ("recognizer: {sampling: {strip_offsets: []}}", "strip_offsets", "one or more positive"),
+        ("recognizer: {matching: {min_value: 2}}", "recognizer.matching.*min_value", "0 and 1"),
+        ("recognizer: {local_moves: {depth: -1}}", "local_moves.*depth", "at least 0"),
+        ("controller: {kd: [-1, 0, 0, 0, 0, 0, 0]}", "controller.kd", "at least 0"),
+        # Choices.
+        ("method: GA", "method", "one of ga, mff, not 'GA'"),
+        ("renderer: gl", "renderer", "one of .*vtk.*, not 'gl'"),
+        ("recognizer: {coding: hex}", "recognizer.coding", "one of binary, gray, not 'hex'"),
+        ("recognizer: {start: middle}", "recognizer.start", "one of random, near_target"),
+        ("predictor: {mode: exact}", "predictor.mode", "one of rigid, velocity, not 'exact'"),
+        ("controller: {gains: soft}", "controller.gains", "one of lightly_damped, well_damped"),
+        # Lists of the wrong length, ranges in the wrong order.
+        ("camera: {p_EC: [0, 0]}", "camera.p_EC", "3 numbers"),
+        ("controller: {kp: [1, 2, 3]}", "controller.kp", "7 numbers"),
+        ("controller: {kd: []}", "controller.kd", "7 numbers"),
+        ("recognizer: {start_spread: [0.1]}", "recognizer.start_spread", "2 numbers"),
+        ("recognizer: {search_range: {x: [0.1, -0.1]}}", "search_range.*x", r"\[least, greatest\]"),
+        ("recognizer: {search_range: {y: [0.1]}}", "search_range.*y", r"\[least, greatest\]"),
+        ("recognizer: {search_range: {y: [0.1, 0.1]}}", "search_range.*y", r"\[least, greatest\]"),
+        ("recognizer: {search_range: {z: [-0.1, 1]}}", "search_range.*z", "in front of the camera"),
+        ("recognizer: {search_range: {eps2: [-2, 2]}}", "search_range.*eps2", r"within \[-1, 1\]"),
+        # Poses.
+        ("target: {X_WM: [1, 2, 3]}", "target.X_WM", "translation, rotation"),
+        ("target: {X_WM: {translation: [1, 2]}}", "target.X_WM.translation", "3 numbers"),
+        ("target: {X_WM: {translation: !Uniform {}}}", "target.X_WM.translation", "3 numbers"),
+        ("target: {X_WM: {rotation: [1, 2, 3]}}", "target.X_WM.rotation", "!Rpy {deg: "),
+        ("target: {X_WM: {rotation: {deg: [1, 2, 3]}}}", "target.X_WM.rotation", "!Rpy {deg: "),
+        ("target: {X_WM: {rotation: !Rpy {rad: [1, 2, 3]}}}", "X_WM.rotation", "!Rpy {deg: "),
+        ("target: {X_WM: {rotation: !Rpy {deg: [1, 2]}}}", "X_WM.rotation.deg", "3 numbers"),
+        ("target: {X_WM: {rotation: !Uniform {}}}", "target.X_WM.rotation", "!AngleAxis"),
+        ("hand_path: {X_WE0: {rotation: 3}}", "hand_path.X_WE0.rotation", "!Rpy {deg: "),
+        (
+            "hand_path: {X_WE0: {rotation: !AngleAxis {angle_deg: x, axis: [1, 0, 0]}}}",
+            "hand_path.X_WE0.rotation.angle_deg",
+            "a number",
+        ),
+        # Not a scenario at all.
+        ("{seed: [}", "YAML", "line 1, column"),
+        ("seed: 1\n\tduration: 2", "YAML", "line 2, column"),
+        ("\x00", "YAML", "character"),
+        ("seed: 1\n---\nseed: 2", "YAML", "line 2"),
+        ("hello", "mapping", "not 'hello'"),
+        ("[seed, 3]", "mapping", "seed"),
+        ("3", "mapping", "not 3"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(tmp_path, text, key, allowed):
+    message = error_of(text)
+    assert message.startswith("scenario text: ")
+    assert re.search(key, message), message
+    assert re.search(allowed, message), message
+    (tmp_path / "my.yaml").write_text(text)
+    assert error_of(file=tmp_path / "my.yaml") == message.replace(
+        "scenario text", str(tmp_path / "my.yaml"), 1
+    )
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "camera.p_EC", "controller.kp", "controller.kd", "recognizer.search_range.x",
+        "recognizer.search_range.z", "recognizer.sampling.strip_offsets",
+        "recognizer.start_spread", "hand_path.X_WE0.translation", "target.X_WM.translation",
+    ],
+)  # fmt: skip
+def test_a_list_with_an_infinite_number_is_an_error_that_names_the_key(key):
+    length = {"p_EC": 3, "kp": 7, "kd": 7, "translation": 3}.get(key.split(".")[-1], 2)
+    message = error_of(to_yaml(key.split("."), [1.0] * (length - 1) + [math.inf]))
+    assert key.split(".")[-1] in message or "X_WE0" in message
+
+
+@pytest.mark.parametrize(
+    "rotation",
+    [
+        "!Rpy {deg: [.inf, 0, 0]}",
+        "!AngleAxis {angle_deg: .inf, axis: [1, 0, 0]}",
+        "!AngleAxis {angle_deg: 10, axis: [.inf, 0, 0]}",
+        "!AngleAxis {angle_deg: 10, axis: [0, 0, 0]}",
+    ],
+)
+@pytest.mark.parametrize("key", ["hand_path.X_WE0", "target.X_WM"])
+def test_what_is_no_rotation_is_an_error_that_names_the_key(key, rotation):
+    section, name = key.split(".")
+    message = error_of(f"{section}: {{{name}: {{rotation: {rotation}}}}}")
+    assert name in message
+
+
+def test_a_seed_that_is_too_large_for_the_generator_is_an_error():
+    assert "seed" in error_of("seed: 100000000000000000000000000")
+
+
+def test_a_duration_below_a_control_tick_is_an_error():
+    """Not even the first frame would be taken in."""
+    assert "duration" in error_of("duration: 0.0004")
+
+
+def test_an_error_in_the_file_names_the_file_even_when_the_text_would_mend_it(tmp_path):
+    file = tmp_path / "my.yaml"
+    file.write_text("duration: -1")
+    assert error_of("duration: 1", file).startswith(f"{file}: duration")
+
+
+def test_an_error_in_the_text_names_the_text(tmp_path):
+    file = tmp_path / "my.yaml"
+    file.write_text("duration: 1")
+    assert error_of("duration: -1", file).startswith("scenario text: duration")
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"seed: \xe9"])
+def test_a_file_that_is_not_text_is_an_error_that_names_it(tmp_path, content):
+    file = tmp_path / "my.yaml"
+    file.write_bytes(content)
+    assert error_of(file=file).startswith(f"{file}: ")
+
+
+def test_a_file_that_cannot_be_read_is_an_os_error_that_names_it(tmp_path):
+    with pytest.raises(FileNotFoundError) as error:
+        LoadScenario(tmp_path / "missing.yaml")
+    assert error.value.filename == str(tmp_path / "missing.yaml")
+    with pytest.raises(IsADirectoryError):
+        LoadScenario(tmp_path)
+
+
+def test_values_set_in_python_are_checked_too():
+    scenario = Scenario(seed=-1)
+    with pytest.raises(ScenarioError, match="seed must be at least 0, not -1"):
+        scenario.Validate()
+    scenario = Scenario()
+    scenario.camera.width = 0
+    with pytest.raises(ScenarioError, match=r"camera\.width must be positive, not 0"):
+        scenario.Validate()
+
+
+# No value of a wrong type, of any key, ends in anything but a ScenarioError that names the key.
+
+_MAPPING = {"nonsense": 1}
+WRONG = {
+    float: ["text", True, None, [1.0], _MAPPING, math.nan],
+    int: ["text", True, None, 1.5, [1], _MAPPING, math.nan, math.inf],
+    str: [3, 1.5, True, None, ["text"], _MAPPING],
+    bool: ["text", 1, None, [True], _MAPPING],
+    list: ["text", 3, True, None, _MAPPING, ["text"], [[1.0]], [True], [None], [math.nan]],
+    Transform: ["text", 3, True, None, [1.0], _MAPPING, {"rotation": _MAPPING}],
+}
+
+
+def wrong_values():
+    for key in sections():
+        for value in ("text", 3, None, [1.0], _MAPPING):
+            yield pytest.param(key, value, id=f"{'.'.join(key)}={value}")
+    for key, kind in all_keys().items():
+        optional = isinstance(kind, types.UnionType)
+        kind = typing.get_args(kind)[0] if optional else kind
+        for value in WRONG[typing.get_origin(kind) or kind]:
+            if not (optional and value is None):
+                yield pytest.param(key, value, id=f"{'.'.join(key)}={value}")
+
+
+@pytest.mark.parametrize(("key", "value"), list(wrong_values()))
+def test_a_value_of_a_wrong_type_is_an_error_that_names_the_key(key, value):
+    message = error_of(to_yaml(key, value))
+    assert ".".join(key) in message

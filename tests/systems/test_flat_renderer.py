@@ -1,0 +1,337 @@
+"""The flat renderer draws what VTK draws, on the same pixels, and keeps nothing but its state."""
+
+import math
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    ClippingRange,
+    ColorRenderCamera,
+    Convex,
+    Cylinder,
+    DepthRange,
+    DepthRenderCamera,
+    Ellipsoid,
+    GeometryId,
+    GeometryInstance,
+    HalfSpace,
+    Mesh,
+    MeshcatCone,
+    PerceptionProperties,
+    RenderCameraCore,
+    RenderLabel,
+    Rgba,
+    SceneGraph,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageLabel16I, ImageRgba8U
+
+from mffdrake.recognition import SolidModel, StereoCamera
+from mffdrake.systems.flat_renderer import AddFlatRenderer, FlatRenderEngine, MakeFlatRenderEngine
+from mffdrake.systems.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10
+from mffdrake.systems.renderers import RENDERERS, AddRenderer
+from mffdrake.systems.stereo_camera import AddStereoCamera, MakeCameraInfo
+
+CAMERA = StereoCamera.from_fov(width=320, height=240, fov_y=math.radians(45.0))
+INFO = MakeCameraInfo(CAMERA)
+TARGET = str(FindModelsPath() / "target_box.obj")
+GREY, EMPTY = [128, 128, 128, 255], int(RenderLabel.kEmpty)
+AHEAD = RigidTransform(RollPitchYaw(0.3, 0.5, 0.7), [0.03, 0.02, 1.0])
+"""Askew and whole in the image of a camera at the world's origin."""
+
+
+def cameras(renderer="any", info=INFO, near=0.01, far=10.0, depths=(0.1, 5.0)):
+    core = RenderCameraCore(renderer, info, ClippingRange(near, far), RigidTransform())
+    return ColorRenderCamera(core, False), DepthRenderCamera(core, DepthRange(*depths))
+
+
+def photograph(renderer, color_camera, depth_camera, *where):
+    """All three images, by an engine or a query object."""
+    size = color_camera.core().intrinsics().width(), color_camera.core().intrinsics().height()
+    color, depth, label = ImageRgba8U(*size), ImageDepth32F(*size), ImageLabel16I(*size)
+    if where:
+        color = renderer.RenderColorImage(color_camera, *where)
+        depth = renderer.RenderDepthImage(depth_camera, *where)
+        label = renderer.RenderLabelImage(color_camera, *where)
+    else:
+        renderer.RenderColorImage(color_camera, color)
+        renderer.RenderDepthImage(depth_camera, depth)
+        renderer.RenderLabelImage(color_camera, label)
+    return SimpleNamespace(
+        color=color.data.copy(), depth=depth.data[..., 0].copy(), label=label.data[..., 0].copy()
+    )
+
+
+def material(color=None, label=1):
+    properties = PerceptionProperties()
+    properties.AddProperty("label", "id", RenderLabel(label) if isinstance(label, int) else label)
+    if color is not None:
+        properties.AddProperty("phong", "diffuse", Rgba(*color))
+    return properties
+
+
+def register(engine, shape, X_WG=AHEAD, color=None, label=1):
+    id = GeometryId.get_new_id()
+    assert engine.RegisterVisual(id, shape, material(color, label), X_WG)
+    return id
+
+
+def draw(*geometries, engine=None, X_WC=None, **camera):
+    """What an engine, by default a new flat one, draws of (shape, X_WG, color, label)."""
+    engine = engine or MakeFlatRenderEngine()
+    ids = [register(engine, *geometry) for geometry in geometries]
+    engine.UpdateViewpoint(X_WC or RigidTransform())
+    images = photograph(engine, *cameras(**camera))
+    for id in ids:
+        assert engine.RemoveGeometry(id)
+    return images
+
+
+@pytest.fixture(scope="module")
+def vtk():
+    return RENDERERS["vtk"]()
+
+
+def hue_and_saturation(images):
+    hsv = cv2.cvtColor(images.color[:, :, :3].astype(np.float32) / 255.0, cv2.COLOR_RGB2HSV)
+    return hsv[..., 0], hsv[..., 1]
+
+
+def spread(values, width=1):
+    """Greatest less least value within `width` pixels."""
+    values, kernel = values.astype(np.float32), np.ones((2 * width + 1,) * 2)
+    return cv2.dilate(values, kernel) - cv2.erode(values, kernel)
+
+
+def assert_agree(flat, vtk, width=1):
+    """Equal but for `width` pixels at outlines; depths within 1 mm where they change slowly."""
+    for a, b in ((flat, vtk), (vtk, flat)):
+        hue, saturation = hue_and_saturation(a)
+        paint = np.where(saturation > 0.5, np.rint(hue / 10.0) + 1.0, 0.0)  # 10 deg apart
+        border = (spread(a.label, width) > 0) | (spread(paint, width) > 0)
+        assert np.all((flat.label == vtk.label) | border)
+        other_hue, other_saturation = hue_and_saturation(b)
+        error = (hue - other_hue + 180.0) % 360.0 - 180.0
+        same = np.where(saturation > 0.5, np.abs(error) < 1.0, True)
+        same &= np.abs(saturation - other_saturation) < 0.02
+        assert np.all(same | border)
+        depth = np.where(np.isinf(a.depth), 100.0, a.depth)
+        inside = ~border & (spread(depth, width) < 0.05)
+        np.testing.assert_allclose(flat.depth[inside], vtk.depth[inside], atol=1e-3)
+        drawn = inside & np.isfinite(a.depth) & (a.depth > 0.0)
+        assert drawn.sum() > 0.2 * np.count_nonzero(np.isfinite(a.depth) & (a.depth > 0.0))
+
+
+# The hand-eye scene.
+
+
+class HandEye:
+    """The arm with its cameras, the target before it and the ground, with both renderers."""
+
+    def __init__(self):
+        builder = DiagramBuilder()
+        self.plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+        AddPa10(self.plant)
+        AddCameraFrames(self.plant)
+        parser = Parser(self.plant)
+        ConfigureParser(parser)
+        parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
+        world = self.plant.world_body()
+        ground = RigidTransform([0.0, 0.0, -0.2])
+        self.plant.RegisterVisualGeometry(world, ground, HalfSpace(), "ground", [0.3, 0.3, 0.3, 1])
+        self.plant.Finalize()
+        AddFlatRenderer(scene_graph)
+        AddRenderer(scene_graph, "vtk")
+        self.port = scene_graph.get_query_output_port()
+        diagram = builder.Build()
+        self.context = diagram.CreateDefaultContext()
+        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
+        self.scene_context = scene_graph.GetMyContextFromRoot(self.context)
+        self.world = scene_graph.world_frame_id()
+
+    def place(self, positions, X_CM):
+        arm = self.plant.GetModelInstanceByName("pa10")
+        self.plant.SetPositions(self.plant_context, arm, positions)
+        box = self.plant.GetBodyByName("target_box")
+        self.plant.SetFreeBodyPose(self.plant_context, box, self.pose("camera_right") @ X_CM)
+
+    def pose(self, frame):
+        return self.plant.GetFrameByName(frame).CalcPoseInWorld(self.plant_context)
+
+    def photograph(self, renderer, X_WC):
+        query = self.port.Eval(self.scene_context)
+        return photograph(query, *cameras(renderer), self.world, X_WC)
+
+
+@pytest.fixture(scope="module")
+def hand_eye():
+    return HandEye()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_hand_eye_scene_is_as_vtk_draws_it(hand_eye, seed):
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(-math.pi, math.pi, 3)
+    X_CM = RigidTransform(RollPitchYaw(turn), rng.uniform([-0.1, -0.1, 0.5], [0.1, 0.1, 0.9]))
+    hand_eye.place(NOMINAL_POSITIONS + rng.uniform(-0.2, 0.2, 7), X_CM)
+    aside = RigidTransform(RollPitchYaw(-0.5 * math.pi - 0.2, 0.1, 0.3), [0.3, -2.2, 0.9])
+    for X_WC in (hand_eye.pose("camera_right"), hand_eye.pose("camera_left"), aside):
+        flat = hand_eye.photograph("flat", X_WC)
+        assert len(np.unique(flat.label)) >= 3  # the target, the ground and at least the sky
+        assert_agree(flat, hand_eye.photograph("vtk", X_WC))
+
+
+def test_contexts_are_independent(hand_eye):
+    X_WC = hand_eye.pose("camera_right")
+    hand_eye.place(NOMINAL_POSITIONS, RigidTransform([0.0, 0.0, 0.8]))
+    before = hand_eye.photograph("flat", X_WC)
+    root = hand_eye.context.Clone()
+    box = hand_eye.plant.GetBodyByName("target_box")
+    hand_eye.plant.SetFreeBodyPose(hand_eye.plant.GetMyContextFromRoot(root), box, RigidTransform())
+    other = SimpleNamespace(**vars(hand_eye))
+    other.scene_context = hand_eye.port.get_system().GetMyContextFromRoot(root)
+    assert np.any(HandEye.photograph(other, "flat", X_WC).label != before.label)
+    np.testing.assert_array_equal(hand_eye.photograph("flat", X_WC).color, before.color)
+
+
+# Each shape alone.
+
+CURVED = [Cylinder(0.1, 0.3), Sphere(0.15), Capsule(0.08, 0.2), Ellipsoid(0.1, 0.15, 0.2)]
+FLAT = [
+    Box(0.2, 0.3, 0.4),
+    HalfSpace(),
+    Mesh(TARGET),
+    Mesh(TARGET, [1.0, 2.0, -1.5]),  # inside out but for the renderer's care
+    Convex(TARGET, 1.5),
+]
+
+
+@pytest.mark.parametrize("shape", [*FLAT, *CURVED], ids=str)
+def test_each_shape_is_as_vtk_draws_it(vtk, shape):
+    rng = np.random.default_rng(3)
+    for turn in rng.uniform(-math.pi, math.pi, (4, 3)):
+        box = (shape, RigidTransform(RollPitchYaw(turn), [0.05, -0.03, 0.9]), (0.2, 0.4, 0.9, 1.0))
+        flat = draw(box)
+        assert np.any(flat.label == 1)
+        assert_agree(flat, draw(box, engine=vtk), width=2 if shape in CURVED else 1)
+
+
+def test_shapes_hide_and_cut_each_other_as_in_vtk(vtk):
+    shapes = [
+        (Box(0.3, 0.3, 0.3), AHEAD, (1, 0, 0, 1), 1),
+        (Box(0.2, 0.6, 0.1), AHEAD, (0, 1, 0, 1), 2),  # it pierces the first
+        (Mesh(TARGET), RigidTransform(RollPitchYaw(1, 2, 3), [-0.05, 0.05, 0.6]), None, 3),
+        (Cylinder(0.2, 1.0), RigidTransform(RollPitchYaw(1, 0, 0), [0, 0, 1.5]), (1, 1, 0, 1), 4),
+    ]
+    flat = draw(*shapes)
+    assert set(np.unique(flat.label)) == {1, 2, 3, 4, EMPTY}
+    assert_agree(flat, draw(*shapes, engine=vtk))
+    np.testing.assert_array_equal(draw(*shapes[::-1]).label, flat.label)
+
+
+@pytest.mark.parametrize(
+    ("shape", "position"),
+    [
+        (Box(0.2, 0.3, 1.0), [0.0, 0.0, 0.45]),  # around the camera: its far side is seen
+        (Box(0.2, 0.3, 1.0), [0.08, 0.12, 0.505]),  # open, where the near plane cuts it
+        (Box(4.0, 4.0, 8.0), [0.0, 0.0, 9.0]),  # through the far plane
+        (Sphere(0.5), [0.1, 0.0, 0.3]),
+        (HalfSpace(), [0.0, 0.5, 0.0]),  # a ground up to the horizon, or tilted
+        (Mesh(TARGET, 4.0), [0.2, 0.1, 0.3]),
+    ],
+)
+@pytest.mark.parametrize("roll", [0.1, 0.5 * math.pi - 0.2])
+def test_the_near_and_the_far_plane_cut_as_in_vtk(vtk, shape, position, roll):
+    cut = (shape, RigidTransform(RollPitchYaw(roll, 0.2, 0.3), position), (0.9, 0.1, 0.1, 1.0))
+    for near in (0.01, 0.15):
+        assert_agree(draw(cut, near=near), draw(cut, engine=vtk, near=near))
+
+
+def test_any_intrinsics_are_as_in_vtk(vtk):
+    info = CameraInfo(200, 150, 210.0, 160.0, 121.3, 66.6)
+    box = (Mesh(TARGET, 2.0), AHEAD)
+    X_WC = RigidTransform(RollPitchYaw(0.1, -0.1, 0.4), [0.1, 0.05, -0.2])
+    flat = draw(box, info=info, X_WC=X_WC)
+    assert_agree(flat, draw(box, engine=vtk, info=info, X_WC=X_WC))
+
+
+def test_an_image_can_be_all_covered_or_empty():
+    wall = draw((Box(9, 9, 1), RigidTransform([0, 0, 2.5]), (1, 0, 0, 1), 7))
+    assert np.all(wall.color == [255, 0, 0, 255])
+    np.testing.assert_allclose(wall.depth, 2.0, rtol=1e-6)
+    assert np.all(wall.label == 7)
+    behind, beside, far = [0, 0, -1], [3, 0, 1], [0, 0, 20]
+    scenes = [[]] + [[(Box(1, 1, 1), RigidTransform(p))] for p in (behind, beside, far)]
+    for scene in scenes:
+        empty = draw(*scene)
+        assert np.all(empty.color == GREY)
+        assert np.all(empty.depth == np.inf)
+        assert np.all(empty.label == EMPTY)
+
+
+def test_depths_out_of_range_are_zero_or_infinite():
+    boxes = [(Box(0.1, 0.1, 0.1), RigidTransform([0.4 * z, 0, z])) for z in (0.3, 0.8)]
+    boxes += [(Box(9, 9, 1), RigidTransform([0, 0, 3.5]))]
+    images = draw(*boxes, depths=(0.4, 2.0))
+    assert set(np.unique(images.depth)) >= {0.0, np.inf}
+    within = images.depth[(images.depth > 0.0) & np.isfinite(images.depth)]
+    assert within.min() == pytest.approx(0.75)
+    assert within.max() <= 2.0
+
+
+# Where the pixels are.
+
+
+def test_silhouettes_lie_where_the_corners_project():
+    """As of VTK in test_stereo_camera.py, through RgbdSensors; without blended pixels."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+    AddPa10(plant)
+    AddCameraFrames(plant, baseline=CAMERA.baseline)
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
+    plant.Finalize()
+    AddFlatRenderer(scene_graph)
+    stereo = AddStereoCamera(
+        builder, plant=plant, scene_graph=scene_graph, camera=CAMERA, renderer="flat"
+    )
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    box = SolidModel.from_mesh_file(TARGET)
+    X_WC = plant.GetFrameByName("camera_right").CalcPoseInWorld(plant_context)
+    rng, errors, areas = np.random.default_rng(0), [], []
+    for turn in rng.uniform(-math.pi, math.pi, (40, 3)):
+        X_CM = RigidTransform(RollPitchYaw(turn), rng.uniform([-0.2, -0.1, 0.7], [0.05, 0.1, 0.9]))
+        plant.SetFreeBodyPose(plant_context, plant.GetBodyByName("target_box"), X_WC @ X_CM)
+        corners = CAMERA.project((X_CM @ box.vertices.T).T)
+        for side, p in zip(("right", "left"), corners, strict=True):
+            port = stereo.GetOutputPort(f"color_image_{side}")
+            image = port.Eval(stereo.GetMyContextFromRoot(context)).data
+            v, u = np.nonzero(image[:, :, :3].min(axis=2) == 0)
+            moments = cv2.moments(cv2.convexHull(p.astype(np.float32)))
+            center = [moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]]
+            errors.append([u.mean() - center[0], v.mean() - center[1]])
+            areas.append(len(u) / moments["m00"])
+    np.testing.assert_allclose(errors, 0.0, atol=0.25)
+    np.testing.assert_allclose(np.mean(errors, axis=0), 0.0, atol=0.02)
+    np.testing.assert_allclose(np.mean(areas), 1.0, atol=0.003)
+
+
+def test_neighbors_share_no_pixel_and_leave_none_out():
+    X = RigidTransform(RollPitchYaw(0.0, 0.0, 0.37), [0.0131, 0.0077, 1.0])
+    halves = [X @ RigidTransform([x, 0.0, 0.0]) for x in (-0.1, 0.1)]
+    whole = draw((Box(0.4, 0.2, 0.1), X)).label == 1
+    left, right = (draw((Box(0.2, 0.2, 0.1), half)).label == 1 for half in halves)
+    assert not np.any(left & right)
+    np.testing.assert_array_equal(left | right, whole)
