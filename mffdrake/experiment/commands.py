@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -72,6 +73,8 @@ def _CheckFiles(options: argparse.Namespace) -> None:
         if Path(path).suffix not in suffixes:
             raise UserError(f"{option} {path}: the file must end in {' or '.join(suffixes)}")
         MakeOutputFolder(Path(path).parent)
+        if Path(path).is_dir():
+            raise UserError(f"{option} {path}: is a directory, not a file")
 
 
 def _LoadScenario(options: argparse.Namespace) -> Scenario:
@@ -126,13 +129,16 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         omegas=list(dict.fromkeys(options.omega)),
         num_seeds=options.seeds,
     )
-    # The first diagram of every speed is built now, so that bad input shows before any long work.
-    firsts = list({variant.hand_path.omega: variant for variant in variants[::-1]}.values())
-    diagrams = [MakeHandEyeDiagram(variant) for variant in firsts]
+    # A diagram of every speed is built now, so that bad input shows before any long work.
+    for variant in {variant.hand_path.omega: variant for variant in variants}.values():
+        try:
+            diagram = MakeHandEyeDiagram(variant)
+        except UnreachablePathError as error:
+            raise UserError(f"omega {variant.hand_path.omega:g} rad/s: {error}") from error
     if options.graphviz:
-        last = variants[-1]
-        SaveDiagram(MakeHandEyeDiagram(last), options.graphviz)
-    del diagrams
+        SaveDiagram(diagram, options.graphviz)
+    # What there is to warn of has been said.
+    logging.getLogger("mffdrake").setLevel(logging.ERROR)
     with _RunBar(len(variants)) as on_result:
         results = Compare(variants, workers=options.workers, on_result=on_result)
     rows = [Evaluate(result) for result in results]

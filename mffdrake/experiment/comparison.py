@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import signal
 from collections.abc import Callable, Sequence
@@ -80,7 +81,10 @@ def Compare(
     # Fresh processes: a forked copy of a process that has rendered would share its graphics state.
     context = multiprocessing.get_context("spawn")
     count = min(workers, len(scenarios))
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_EndOnInterrupt) as pool:
+    level = logging.getLogger("mffdrake").getEffectiveLevel()
+    with ProcessPoolExecutor(
+        count, mp_context=context, initializer=_StartWorker, initargs=(level,)
+    ) as pool:
         jobs = {pool.submit(_Run, scenario.Dump()): k for k, scenario in enumerate(scenarios)}
         try:
             for job in as_completed(jobs):
@@ -98,9 +102,10 @@ def Compare(
     return [results[k] for k in range(len(scenarios))]
 
 
-def _EndOnInterrupt() -> None:
-    """Lets Ctrl-C end a worker without a word; the parent process says what is to be said."""
+def _StartWorker(log_level: int) -> None:
+    """Logs like the parent, and ends on Ctrl-C without a word, which is the parent's to say."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    logging.getLogger("mffdrake").setLevel(log_level)
 
 
 def _Run(scenario: str) -> SimulationResult:

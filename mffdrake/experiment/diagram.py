@@ -30,6 +30,7 @@ from mffdrake.recognition import (
     StereoCamera,
 )
 from mffdrake.recognition.pose import pose_from_transform
+from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
 from mffdrake.systems.models import ConfigureParser
 from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
@@ -98,7 +99,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         MultibodyPlantConfig(time_step=timing.control_period, use_sampled_output_ports=False),
         builder,
     )
-    AddPa10(plant)
+    arm_instance = AddPa10(plant)
     AddCameraFrames(plant, p_EC=p_EC, baseline=baseline)
     target = _AddTarget(plant, scenario)
     plant.Finalize()
@@ -125,7 +126,8 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         plant=plant,
         scene_graph=scene_graph,
         camera=camera,
-        renderer=AddRenderer(scene_graph, scenario.renderer),
+        renderer=_AddRenderer(scene_graph, scenario),
+        model_instance=arm_instance,
     )
     tracker = MakeTracker(scenario, _LoadSolid(mesh, scenario), CalcDesiredPose(scenario, 0.0))
     _WarnOutsideRange(scenario)
@@ -232,6 +234,11 @@ def _FindTargetMesh(
         raise ScenarioError(
             f"target.model {name}: body '{target.name()}' must have exactly one visual, a mesh"
         )
+    if not np.allclose(shapes[0].scale3(), 1.0):
+        raise ScenarioError(
+            f"target.model {name}: the mesh must have scale 1, not {shapes[0].scale3()}; scale its "
+            "vertices instead"
+        )
     if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
         raise ScenarioError(f"target.model {name}: the mesh must lie at the body's origin")
     return Path(shapes[0].source().path())
@@ -257,6 +264,7 @@ def _MakeCamera(scenario: Scenario) -> StereoCamera:
 def _AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
     """Adds the target's model, welded to the world at X_WM."""
     model = scenario.target.model
+    num_joints = plant.num_joints()
     parser = Parser(plant)
     ConfigureParser(parser)
     try:
@@ -264,7 +272,7 @@ def _AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
             (instance,) = parser.AddModelsFromUrl(model)
         else:
             (instance,) = parser.AddModels(model)
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, NotImplementedError) as error:
         reason = " ".join(str(error).split())
         raise ScenarioError(f"target.model '{model}' cannot be loaded: {reason}") from error
     bodies = plant.GetBodyIndices(instance)
@@ -272,10 +280,28 @@ def _AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
         raise ScenarioError(
             f"target.model '{model}' must be one rigid body, but has {len(bodies)} bodies"
         )
+    if plant.num_joints() > num_joints:
+        raise ScenarioError(
+            f"target.model '{model}' must be free: neither static nor joined to the world; "
+            "target.X_WM tells where it is"
+        )
     body = plant.get_body(bodies[0])
     X_WM = scenario.target.X_WM.GetDeterministicValue()
     plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WM)
     return body
+
+
+def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
+    """Adds the renderer, which is when the target's mesh is read for drawing."""
+    try:
+        return AddRenderer(scene_graph, scenario.renderer)
+    except GraphicsUnavailableError:
+        raise
+    except (RuntimeError, NotImplementedError) as error:
+        reason = " ".join(str(error).split())
+        raise ScenarioError(
+            f"target.model '{scenario.target.model}' cannot be drawn: {reason}"
+        ) from error
 
 
 def _MakeController(config: ControllerConfig, arm: MultibodyPlant, timing: Timing) -> PdController:
@@ -299,7 +325,7 @@ def _WarnOutsideRange(scenario: Scenario) -> None:
         if low < least or high > greatest:
             unit = " m" if k < 3 else ""
             _log.warning(
-                "target outside the search range: on the hand's path its %s in the camera runs "
-                "from %.3f to %.3f%s, but recognizer.search_range.%s is [%g, %g]",
+                "target outside the search range: on the hand's path its %s in the camera is "
+                "between %.3f and %.3f%s, but recognizer.search_range.%s is [%g, %g]",
                 name, low, high, unit, name, least, greatest,
             )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
@@ -87,10 +88,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _MakeParser().parse_args(arguments)
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
-    logging.getLogger("mffdrake").setLevel(logging.INFO if options.verbose else logging.WARNING)
-    logging.getLogger("drake").setLevel(logging.INFO if options.verbose else logging.WARNING)
-    # Only now: the help should come at once, and Drake takes a moment to load.
+    # Only now: the help should come at once, and Drake takes a moment to load. An interrupt in the
+    # midst of that would come out as an import error, so it ends the process as if there was none.
+    on_interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
     from mffdrake.experiment.commands import RunCommand, UserError
+
+    signal.signal(signal.SIGINT, on_interrupt)
+    for name in ("mffdrake", "drake"):  # Drake sets its level when it is imported.
+        logging.getLogger(name).setLevel(logging.INFO if options.verbose else logging.WARNING)
 
     try:
         RunCommand(options)

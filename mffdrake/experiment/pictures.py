@@ -19,6 +19,7 @@ from mffdrake.experiment.plotting import DrawOutline
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition import StereoCamera
+from mffdrake.systems.pa10 import ARM_NAME
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
 
@@ -92,9 +93,10 @@ def DrawScene(
     image = rendered.data[:, :, :3].copy()
     plant = diagram.GetSubsystemByName("plant")
     plant_context = plant.GetMyContextFromRoot(context)
+    arm = plant.GetModelInstanceByName(ARM_NAME)
     camera = diagram.GetSubsystemByName("recognizer").tracker.matcher.camera
     for side in ("right", "left"):
-        X_WC = plant.GetFrameByName(f"camera_{side}").CalcPoseInWorld(plant_context)
+        X_WC = plant.GetFrameByName(f"camera_{side}", arm).CalcPoseInWorld(plant_context)
         _DrawViewingPyramid(image, camera, X_WV.InvertAndCompose(X_WC), intrinsics)
     return image
 

@@ -223,7 +223,7 @@ def DrawOutline(
     for image, pixels, p_CX in zip(
         (image_right, image_left), corners, (np.zeros(3), camera.p_CL), strict=True
     ):
-        view = np.ascontiguousarray(image[:, :, :3])
+        view = image[:, :, :3].copy(order="C")
         eye = R_CM.T @ (p_CX - p_CM)
         for face, normal, center in zip(solid.faces, solid.normals, solid.centers, strict=True):
             if normal @ (eye - center) > 0:

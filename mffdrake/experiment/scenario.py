@@ -89,6 +89,16 @@ class Scenario:
             _Require(0 < value < math.inf, key, value, "must be positive")
         _Require(self.seed >= 0, "seed", self.seed, "must be at least 0")
         _Require(self.seed < 2**63, "seed", self.seed, "must be below 2^63")
+        amplitude = self.hand_path.amplitude_deg
+        _Require(
+            0 <= amplitude < 180,
+            "hand_path.amplitude_deg",
+            amplitude,
+            "must be from 0 to below 180",
+        )
+        distance, omega = self.hand_path.distance, self.hand_path.omega
+        _Require(0 < distance < math.inf, "hand_path.distance", distance, "must be positive")
+        _Require(0 <= omega < math.inf, "hand_path.omega", omega, "must be 0 or positive")
         fov = self.camera.fov_y_deg
         _Require(0 < fov < 180, "camera.fov_y_deg", fov, "must be between 0 and 180")
         _Length("camera.p_EC", self.camera.p_EC, 3)
@@ -118,8 +128,8 @@ class Scenario:
             try:
                 make()
             except ValueError as error:
-                named = str(error).startswith((section, section.replace("_", " ")))
-                raise ScenarioError(f"{'' if named else section + ': '}{error}") from error
+                message = str(error).removeprefix(f"{section.rpartition('.')[2]}: ")
+                raise ScenarioError(f"{section}: {message}") from error
         latency, period = self.predictor.latency, self.timing.control_period
         _Require(
             0 <= latency < math.inf and abs(latency / period - round(latency / period)) < 1e-6,

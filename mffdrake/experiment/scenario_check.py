@@ -92,6 +92,13 @@ def _CheckValue(value: Any, kind: Any, where: str) -> None:
 
 def _Fits(value: Any, kind: type) -> bool:
     if kind is float:
+        if isinstance(
+            value, str
+        ):  # YAML 1.1 takes 1e-3 for a text, and Drake's reader for a number.
+            try:
+                value = float(value)
+            except ValueError:
+                return False
         return type(value) in (int, float) and not math.isnan(value)
     if kind is int:
         return type(value) is int or (type(value) is float and value.is_integer())
@@ -99,7 +106,9 @@ def _Fits(value: Any, kind: type) -> bool:
 
 
 def _CheckNumbers(value: Any, where: str, length: int | None = None) -> None:
-    good = isinstance(value, list) and all(_Fits(v, float) and math.isfinite(v) for v in value)
+    good = isinstance(value, list) and all(
+        _Fits(v, float) and math.isfinite(float(v)) for v in value
+    )
     if not good or (length is not None and len(value) != length):
         count = "" if length is None else f"{length} "
         raise ScenarioError(f"{where} must be a list of {count}numbers, not {value!r}")
@@ -130,8 +139,8 @@ def _CheckRotation(value: Any, where: str) -> None:
         _CheckNumbers(value["deg"], f"{where}.deg", 3)
     elif tag == "!AngleAxis":
         _CheckValue(value["angle_deg"], float, f"{where}.angle_deg")
-        if math.isinf(value["angle_deg"]):
+        if math.isinf(float(value["angle_deg"])):
             raise ScenarioError(f"{where}.angle_deg must be a finite number")
         _CheckNumbers(value["axis"], f"{where}.axis", 3)
-        if not any(value["axis"]):
+        if not any(float(component) for component in value["axis"]):
             raise ScenarioError(f"{where}.axis must not be zero")

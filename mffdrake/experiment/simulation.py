@@ -17,7 +17,7 @@ from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.pa10 import NUM_JOINTS
+from mffdrake.systems.pa10 import ARM_NAME, NUM_JOINTS
 
 __all__ = ["Simulate", "SimulationResult"]
 
@@ -69,8 +69,9 @@ class SimulationResult:
         values = {field.name: getattr(self, field.name) for field in dc.fields(self)}
         stages = values.pop("stages_ms")
         names, means = np.array(list(stages)), np.array(list(stages.values()))
-        with WholeFile(path) as part:
-            np.savez_compressed(part, stage_names=names, stage_means_ms=means, **values)
+        # A file, not a name: NumPy would append a suffix to a name that lacks it.
+        with WholeFile(path) as part, part.open("wb") as file:
+            np.savez_compressed(file, stage_names=names, stage_means_ms=means, **values)
 
     @classmethod
     def Load(cls, path: Path | str) -> SimulationResult:
@@ -167,8 +168,9 @@ class _Recorder:
         self._context = context
         self._plant = diagram.GetSubsystemByName("plant")
         self._plant_context = self._plant.GetMyContextFromRoot(context)
-        self._hand = self._plant.GetFrameByName("hand")
-        self._camera = self._plant.GetFrameByName("camera_right")
+        arm = self._plant.GetModelInstanceByName(ARM_NAME)
+        self._hand = self._plant.GetFrameByName("hand", arm)
+        self._camera = self._plant.GetFrameByName("camera_right", arm)
         self._X_WM = scenario.target.X_WM.GetDeterministicValue()
         self._path = scenario.hand_path.Make()
         self._X_E0W = self._path.CalcHandPose(0.0).inverse()

@@ -20,6 +20,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
 from mffdrake.experiment.files import WholeFile
+from mffdrake.systems.pa10 import ARM_NAME
 
 __all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveReplay"]
 
@@ -45,9 +46,9 @@ class PoseEstimateVisualizer(LeafSystem):
 
     Args:
         meshcat: Where to show it, below the path "estimate".
-        plant: The plant with the camera's frame.
+        plant: The plant with the arm and its camera frames.
         mesh: The target's mesh file.
-        camera_frame: Name of the right camera's frame C.
+        camera_frame: Name of the arm's right camera frame C.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class PoseEstimateVisualizer(LeafSystem):
         super().__init__()
         self._meshcat = meshcat
         self._plant = plant
-        self._frame = plant.GetFrameByName(camera_frame)
+        self._frame = plant.GetFrameByName(camera_frame, plant.GetModelInstanceByName(ARM_NAME))
         self._kinematics = plant.CreateDefaultContext()  # Scratch space, written before every use.
         self._estimate = self.DeclareAbstractInputPort("X_CM", AbstractValue.Make(RigidTransform()))
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())

@@ -117,8 +117,8 @@ class SolidModel:
             hue, saturation, _ = colorsys.rgb_to_hsv(*color)
             if saturation < 0.5:
                 raise ValueError(
-                    f"{path}: a material has the grey color {tuple(color.round(2))}, which has no "
-                    "hue; every face of the target needs a saturated color"
+                    f"{path}: a material has the grey color {color.round(2).tolist()}, which "
+                    "has no hue; every face of the target needs a saturated color"
                 )
             corners.append(np.asarray(mesh.triangles))
             hues.append(np.full(len(mesh.triangles), 2.0 * math.pi * hue))

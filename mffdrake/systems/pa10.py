@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pydrake.multibody.tree import Frame, ModelInstanceIndex
 
 __all__ = [
+    "ARM_NAME",
     "DEFAULT_BASELINE",
     "DEFAULT_P_EC",
     "JOINT_NAMES",
@@ -50,7 +51,8 @@ DEFAULT_P_EC: tuple[float, float, float] = (0.0, -0.155, 0.0)
 DEFAULT_BASELINE: float = 0.150
 """Distance from the right to the left camera [m]."""
 
-_ARM_NAME = "pa10"
+ARM_NAME = "pa10"
+"""Name of the arm's model instance."""
 
 
 def AddPa10(plant: MultibodyPlant, *, X_WB: RigidTransform | None = None) -> ModelInstanceIndex:
@@ -84,9 +86,9 @@ def AddPa10(plant: MultibodyPlant, *, X_WB: RigidTransform | None = None) -> Mod
         raise RuntimeError(
             "AddPa10: the plant is finalized already. Add the arm before plant.Finalize()."
         )
-    if plant.HasModelInstanceNamed(_ARM_NAME):
+    if plant.HasModelInstanceNamed(ARM_NAME):
         raise RuntimeError(
-            f"AddPa10: the plant already holds a model named '{_ARM_NAME}'. "
+            f"AddPa10: the plant already holds a model named '{ARM_NAME}'. "
             "Use one plant for each arm."
         )
     parser = Parser(plant)
@@ -147,11 +149,11 @@ def AddCameraFrames(
             "AddCameraFrames: the plant is finalized already. "
             "Add the camera frames before plant.Finalize()."
         )
-    if not plant.HasModelInstanceNamed(_ARM_NAME):
+    if not plant.HasModelInstanceNamed(ARM_NAME):
         raise RuntimeError(
-            f"AddCameraFrames: the plant holds no model named '{_ARM_NAME}'. Call AddPa10 first."
+            f"AddCameraFrames: the plant holds no model named '{ARM_NAME}'. Call AddPa10 first."
         )
-    arm = plant.GetModelInstanceByName(_ARM_NAME)
+    arm = plant.GetModelInstanceByName(ARM_NAME)
     if plant.HasFrameNamed("camera_right", arm) or plant.HasFrameNamed("camera_left", arm):
         raise RuntimeError("AddCameraFrames: the arm has its camera frames already.")
     frame_C = plant.AddFrame(

@@ -13,6 +13,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
@@ -55,6 +56,7 @@ def AddStereoCamera(
     renderer: str,
     right_frame: str = "camera_right",
     left_frame: str = "camera_left",
+    model_instance: ModelInstanceIndex | None = None,
 ) -> Diagram:
     """Adds a right and a left RgbdSensor on the plant's camera frames, connected to the scene.
 
@@ -79,6 +81,8 @@ def AddStereoCamera(
         right_frame: Name of the right camera's frame C (x right, y down, z along the line of
             sight).
         left_frame: Name of the left camera's frame L.
+        model_instance: The model that the frames belong to, where other models of the plant have
+            frames of the same names.
 
     Returns:
         The stereo pair.
@@ -89,8 +93,9 @@ def AddStereoCamera(
     """
     if not scene_graph.HasRenderer(renderer):
         raise ValueError(f"the scene has no renderer '{renderer}'; add it with AddRenderer")
-    frames = {side: plant.GetFrameByName(name) for side, name in
-              (("right", right_frame), ("left", left_frame))}  # fmt: skip
+    where = () if model_instance is None else (model_instance,)
+    names = {"right": right_frame, "left": left_frame}
+    frames = {side: plant.GetFrameByName(name, *where) for side, name in names.items()}
     _CheckBaseline(plant, frames["right"], frames["left"], camera)
     core = RenderCameraCore(renderer, MakeCameraInfo(camera), _CLIPPING, RigidTransform())
     pair = DiagramBuilder()
