@@ -50,7 +50,8 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     """Builds the whole hand-eye system.
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
-    ``scene_graph``, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``.
+    ``scene_graph``, ``render_scene``, ``stereo_camera``, ``recognizer`` and, for the method "mff",
+    ``predictor``.
     The arm's default state is at rest at the path's first pose. All systems see the state of the
     present time: the plant's ports are not sampled.
 
@@ -121,12 +122,19 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
             feedforward_torque=controller.GetInputPort("feedforward_torque"),
         )
 
+    # The plant asks its scene for contacts in every step, which brings all renderers' poses up to
+    # date. So the renderer gets a scene of its own, which is asked at frames only.
+    render_scene = builder.AddNamedSystem("render_scene", scene_graph.Clone())
+    builder.Connect(
+        plant.get_geometry_pose_output_port(),
+        render_scene.get_source_pose_port(plant.get_source_id()),
+    )
     stereo = AddStereoCamera(
         builder,
         plant=plant,
-        scene_graph=scene_graph,
+        scene_graph=render_scene,
         camera=camera,
-        renderer=_AddRenderer(scene_graph, scenario),
+        renderer=_AddRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
     tracker = MakeTracker(scenario, _LoadSolid(mesh, scenario), CalcDesiredPose(scenario, 0.0))
@@ -169,7 +177,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     builder.ExportOutput(controller.GetOutputPort("actuation"), "actuation")
     for name in ("pose", "X_CM", "fitness", "population"):
         builder.ExportOutput(recognizer.GetOutputPort(name), f"recognizer.{name}")
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+    builder.ExportOutput(render_scene.get_query_output_port(), "query_object")
     diagram = builder.Build()
     diagram.set_name("hand_eye")
     return diagram
@@ -297,7 +305,7 @@ def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
         return AddRenderer(scene_graph, scenario.renderer)
     except GraphicsUnavailableError:
         raise
-    except (RuntimeError, NotImplementedError) as error:
+    except (RuntimeError, ValueError, NotImplementedError) as error:
         reason = " ".join(str(error).split())
         raise ScenarioError(
             f"target.model '{scenario.target.model}' cannot be drawn: {reason}"

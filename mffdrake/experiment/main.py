@@ -42,7 +42,7 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")
     add("--duration", metavar="S", type=_Positive(float), help="simulated time [s]")
     add("--seed", metavar="N", type=int, help="(first) seed of the random numbers")
-    add("--renderer", metavar="NAME", help="what draws the images: vtk")
+    add("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     add("--graphviz", metavar="FILE", help="write the diagram as SVG or PNG")
     add("--replay", metavar="FILE.html", help="write a Meshcat recording as one HTML file")

@@ -41,7 +41,7 @@ class Scenario:
         predictor: The motion feedforward.
         timing: Control and vision periods.
         method: "ga": the plain 1-step GA; "mff": with motion feedforward.
-        renderer: What draws the images: "vtk".
+        renderer: What draws the images: "vtk" or "flat", see `AddRenderer`.
         duration: Simulated time [s].
         seed: Of the random numbers, at least 0.
 

@@ -106,6 +106,7 @@ def fitness_of_poses(
     most_sides = inside_distances.shape[1]
     visible = np.empty(num_faces, dtype=np.bool_)
     least = np.zeros(most_sides)
+    inward = np.zeros((most_sides, 3))
     fitness = np.zeros(len(poses))
     for i in range(len(poses)):
         x, y, z, e1, e2, e3 = poses[i]
@@ -152,6 +153,7 @@ def fitness_of_poses(
                     # Inward from the side in the face's plane: normal x direction.
                     fx, fy, fz = normals[k]
                     mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
+                    inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
                     norm = math.sqrt(nx * nx + ny * ny + nz * nz)
                     across = abs(mx * nx + my * ny + mz * nz)
                     depth = R20 * a + R21 * b + R22 * c + z
@@ -160,15 +162,28 @@ def fitness_of_poses(
                     else:
                         least[s] = 0.0
                 for j in range(inside_start[k], inside_start[k + 1]):
-                    clear = True
-                    for s in range(most_sides):
-                        if inside_distances[j, s] < least[s]:
-                            clear = False
-                            break
-                    if not clear:
-                        continue
-                    count += 1
                     a, b, c = inside_points[j]
+                    moved = False
+                    for s in range(most_sides):
+                        gap = least[s] - inside_distances[j, s]
+                        if gap > 0.0:
+                            a += gap * inward[s, 0]
+                            b += gap * inward[s, 1]
+                            c += gap * inward[s, 2]
+                            moved = True
+                    if moved:  # Where the face is too narrow, the point is now beyond another side.
+                        clear = True
+                        for s in range(most_sides):
+                            if inside_distances[j, s] < np.inf:
+                                distance = (
+                                    (a - side_centers[k, s, 0]) * inward[s, 0]
+                                    + (b - side_centers[k, s, 1]) * inward[s, 1]
+                                    + (c - side_centers[k, s, 2]) * inward[s, 2]
+                                )
+                                clear = clear and distance > (1.0 - 1e-9) * least[s]
+                        if not clear:
+                            continue
+                    count += 1
                     hue = _hue_seen(
                         image,
                         R00 * a + R01 * b + R02 * c + rx,
@@ -196,8 +211,11 @@ def fitness_of_poses(
                 if toward > 0.0:
                     norm = -norm
                 nx, ny, nz = nx / norm, ny / norm, nz / norm
+                depth = R20 * a + R21 * b + R22 * c + z
+                least_offset = min_border_distance * depth / focal_length
                 for j in range(edge_start[k], edge_start[k + 1]):
-                    for offset in strip_offsets:
+                    for strip_offset in strip_offsets:
+                        offset = max(strip_offset, least_offset)
                         a = edge_points[j, 0] + offset * nx
                         b = edge_points[j, 1] + offset * ny
                         c = edge_points[j, 2] + offset * nz

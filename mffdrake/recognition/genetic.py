@@ -148,8 +148,9 @@ class GeneticParameters:
     The best share of the population survives unchanged. The others are replaced by children: some
     are small motions of the best individual (`LocalMoves`), some are drawn anew over the whole
     search range, and the rest are two-point crossovers of two survivors whose bits then mutate.
-    With ``local_share`` and ``newcomer_share`` zero and ``first_candidates`` one this is the plain
-    1-step GA.
+    With ``survivor_share`` one half, ``local_share`` and ``newcomer_share`` zero and
+    ``first_candidates`` one this is the plain 1-step GA. The defaults were chosen by how often a
+    random start finds the target within 5 s.
 
     Attributes:
         population_size: Number of hypotheses.
@@ -164,16 +165,16 @@ class GeneticParameters:
     """
 
     population_size: int = 60
-    survivor_share: float = 0.5
+    survivor_share: float = 0.25
     mutation_probability: float = 0.02
-    local_share: float = 0.5
-    newcomer_share: float = 0.1
-    first_candidates: int = 10
+    local_share: float = 0.6
+    newcomer_share: float = 0.15
+    first_candidates: int = 30
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        if self.population_size < 2:
-            raise ValueError(f"population_size must be at least 2, not {self.population_size}")
+        if self.population_size < 3:
+            raise ValueError(f"population_size must be at least 3, not {self.population_size}")
         if self.first_candidates < 1:
             raise ValueError(f"first_candidates must be at least 1, not {self.first_candidates}")
         for name in ("survivor_share", "mutation_probability", "local_share", "newcomer_share"):
@@ -209,8 +210,8 @@ class GeneticAlgorithm:
         self.parameters = parameters
         self.local_moves = local_moves
         n = parameters.population_size
-        self._num_survivors = min(n - 1, max(1, round(parameters.survivor_share * n)))
-        children = n - self._num_survivors
+        self._num_survivors = min(n - 2, max(1, round(parameters.survivor_share * n)))
+        children = n - self._num_survivors - 1  # The center of the best takes a place, too.
         self._num_local = round(parameters.local_share * children)
         self._num_newcomers = min(
             round(parameters.newcomer_share * children), children - self._num_local
@@ -250,7 +251,12 @@ class GeneticAlgorithm:
         )
 
     def breed(self, poses: ArrayLike, fitness: ArrayLike, rng: np.random.Generator) -> Array:
-        """The next generation, Eq. (27): survivors first, best first, then their children.
+        """The next generation, Eq. (27): the center of the best, children, and survivors.
+
+        The fitness counts pixels, so that many poses around the true one have the same. The first
+        individual is therefore the mean of all that share the highest fitness, and children stand
+        before survivors: among equals the former come first when the scored generation is sorted,
+        which keeps the equals spread out and the first one in their middle.
 
         Args:
             poses: The population, shape (N, 6), already carried to the present (Eq. (23)).
@@ -263,13 +269,14 @@ class GeneticAlgorithm:
         fitness = np.asarray(fitness, dtype=float)
         order = np.argsort(-fitness, kind="stable")[: self._num_survivors]
         bits = self.coding.encode(np.asarray(poses, dtype=float)[order])
-        survivors = self.coding.decode(bits)
+        center = np.asarray(poses, dtype=float)[fitness == fitness[order[0]]].mean(axis=0)
         return np.concatenate(
             [
-                survivors,
-                self._representable(self.local_moves.draw(survivors[0], self._num_local, rng)),
+                self._representable(center[None]),
+                self._representable(self.local_moves.draw(center, self._num_local, rng)),
                 self.draw(self._num_newcomers, rng),
                 self.coding.decode(self._cross_and_mutate(bits, rng)),
+                self.coding.decode(bits),
             ]
         )
 

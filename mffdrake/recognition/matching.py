@@ -26,9 +26,10 @@ class MatchingParameters:
         min_cosine: A face is visible above this cosine between its normal and the line from its
             center to the camera. Keep it below 0.05: a larger one makes it pay for the search to
             turn a face out of sight.
-        min_border_distance: Inside points count only where they are at least this far from their
-            face's borders in the image [px]. Nearer, the pixel may show the neighbor or a blend,
-            so that the true pose of an obliquely seen face would not be the best one.
+        min_border_distance: Points nearer than this to a border in the image [px] are moved away
+            from it, inside points into their face (where the face is too narrow for that, they do
+            not count) and the strip's outward. Nearer, a pixel may show the neighbor or a blend, so
+            that the true pose of an obliquely seen face would not be the best one.
 
     Raises:
         ValueError: When a parameter is outside its range.

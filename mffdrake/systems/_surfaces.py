@@ -23,7 +23,7 @@ from pydrake.geometry import (
     Sphere,
 )
 
-__all__ = ["Surface", "MakeSurface"]
+__all__ = ["MakeSurface", "Surface"]
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -31,7 +31,7 @@ Triangles = tuple[Array, IntArray]
 
 _DEFAULT_COLOR = Rgba(0.9, 0.45, 0.1, 1.0)  # as Drake's renderers have it
 _HALF_SPACE_SIZE = 100.0  # m, as Drake's renderers draw it
-_NUM_CHORDS = 50  # of a circle: they lie within 0.2 % of the radius
+_NUM_CHORDS = 50  # around a circle, and from pole to pole, as in VTK: 0.2 % off at most
 _MOST_TESTS = 1_000_000  # of a vertex against a triangle's plane, to find out if a mesh is convex
 
 
@@ -81,14 +81,14 @@ def _FallbackColor(properties: PerceptionProperties) -> Array:
 
 def _Triangulate(shape: Shape) -> Triangles:
     """The triangles of every shape but a mesh."""
-    polar = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _NUM_CHORDS // 2 + 1)
+    polar = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _NUM_CHORDS + 1)
     radii, heights = np.array([0.0, *np.cos(polar[1:-1]), 0.0]), np.sin(polar)  # a unit sphere
     match shape:
         case Box():
             return _MakeBox(shape.size())
         case Cylinder():
             r, h = shape.radius(), 0.5 * shape.length()
-            return _Revolve([0.0, r, r, 0.0], [-h, -h, h, h])
+            return _Revolve([0.0, r, r, 0.0], [-h, -h, h, h], 0.5)
         case Sphere():
             return _Revolve(shape.radius() * radii, shape.radius() * heights)
         case Ellipsoid():
@@ -98,7 +98,7 @@ def _Triangulate(shape: Shape) -> Triangles:
             r, h, half = shape.radius(), 0.5 * shape.length(), len(radii) // 2 + 1
             z = r * heights
             ends = np.concatenate([z[:half] - h, z[-half:] + h])
-            return _Revolve(r * np.concatenate([radii[:half], radii[-half:]]), ends)
+            return _Revolve(r * np.concatenate([radii[:half], radii[-half:]]), ends, 0.5)
         case HalfSpace():
             s = 0.5 * _HALF_SPACE_SIZE
             corners = [(-s, -s, 0.0), (s, -s, 0.0), (s, s, 0.0), (-s, s, 0.0)]
@@ -118,10 +118,10 @@ def _MakeBox(size: ArrayLike) -> Triangles:
     return np.array(vertices), _Fan(quads)
 
 
-def _Revolve(radii: ArrayLike, heights: ArrayLike) -> Triangles:
-    """Turns a line about z: its points are given from the bottom to the top."""
+def _Revolve(radii: ArrayLike, heights: ArrayLike, first: float = 0.0) -> Triangles:
+    """Turns a line, given from the bottom to the top, about z, from ``first`` chords off x on."""
     radii, heights = np.asarray(radii, dtype=float), np.asarray(heights, dtype=float)
-    angle = np.linspace(0.0, 2.0 * math.pi, _NUM_CHORDS, endpoint=False)
+    angle = (np.arange(_NUM_CHORDS) + first) * 2.0 * math.pi / _NUM_CHORDS
     x, y = np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle))
     z = np.repeat(heights[:, None], _NUM_CHORDS, axis=1)
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)

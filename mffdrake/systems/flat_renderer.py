@@ -29,7 +29,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
 
 from mffdrake.systems import _rasterizer
 from mffdrake.systems._rasterizer import Lens, Rectangle, Surfaces
-from mffdrake.systems._surfaces import Surface, MakeSurface
+from mffdrake.systems._surfaces import MakeSurface, Surface
 
 __all__ = ["AddFlatRenderer", "FlatRenderEngine", "MakeFlatRenderEngine"]
 
@@ -57,8 +57,8 @@ class FlatRenderEngine(RenderEngine):
     def __init__(self) -> None:
         RenderEngine.__init__(self)
         self._geometries: dict[GeometryId, _Geometry] = {}
-        self._X_WGs: dict[GeometryId, RigidTransform] = {}  # in the same order
-        self._X_WC: NDArray[np.float64] = np.eye(3, 4)
+        self._X_WGs: dict[GeometryId, NDArray[np.float64]] = {}  # (3, 4), in the same order
+        self._X_WC: NDArray[np.float64] = RigidTransform().GetAsMatrix34()
         # What follows is derived, and None when it is out of date.
         self._scene: _Scene | None = None
         self._poses: NDArray[np.float64] | None = None
@@ -81,7 +81,7 @@ class FlatRenderEngine(RenderEngine):
             if properties.HasProperty("label", "id"):
                 label = self.GetRenderLabelOrThrow(properties)
             self._geometries[id] = _Geometry(MakeSurface(shape, properties), label)
-        self._X_WGs[id] = X_WG
+        self._X_WGs[id] = X_WG.GetAsMatrix34()
         self._scene = self._poses = None
         return True
 
@@ -89,9 +89,9 @@ class FlatRenderEngine(RenderEngine):
         """Moves a geometry.
 
         Drake moves all of them at every step of a simulation with contact, far more often than it
-        renders. So, nothing is computed here.
+        renders, so this does no more than copy. (An X_WG kept would change with Drake's own.)
         """
-        self._X_WGs[id] = X_WG
+        self._X_WGs[id] = X_WG.GetAsMatrix34()
         self._poses = None
 
     def DoRemoveGeometry(self, id: GeometryId) -> bool:
@@ -108,7 +108,8 @@ class FlatRenderEngine(RenderEngine):
             # Drake's own records of the geometries can be filled in no other way.
             properties = PerceptionProperties()
             properties.AddProperty("label", "id", geometry.label)
-            clone.RegisterVisual(id, _ANY_SHAPE, properties, self._X_WGs[id], needs_updates=True)
+            clone.RegisterVisual(id, _ANY_SHAPE, properties, RigidTransform(), needs_updates=True)
+        clone._X_WGs = dict(self._X_WGs)
         clone._X_WC = self._X_WC
         clone._scene = self._scene
         return clone
@@ -148,8 +149,7 @@ class FlatRenderEngine(RenderEngine):
     ) -> tuple[NDArray[np.float32], Rectangle]:
         """Draws all geometries; returns their inverse depth and the rectangle that holds them."""
         if self._poses is None:
-            poses = [X_WG.GetAsMatrix34() for X_WG in self._X_WGs.values()]
-            self._poses = np.array(poses).reshape(-1, 3, 4)
+            self._poses = np.array(list(self._X_WGs.values())).reshape(-1, 3, 4)
         camera, clipping = core.intrinsics(), core.clipping()
         lens = Lens(
             camera.focal_x(),
@@ -238,9 +238,10 @@ def MakeFlatRenderEngine() -> RenderEngine:
 def AddFlatRenderer(scene_graph: SceneGraph, name: str = "flat") -> None:
     """Adds the flat renderer to a scene that is complete.
 
-    Register all geometry first (with a plant: finalize it first). While Drake registers a geometry
-    with an engine in Python, Python must hold the geometry's shape already, or pydrake fails to
-    pass it on ("...abstract type..."); this function sees to it for what is there.
+    Register all geometry first; with a plant, finalize it first. When Drake passes a shape to an
+    engine in Python, Python must hold that very shape already, or pydrake fails:
+    "return_value_policy = copy, but type is non-copyable". This function sees to it for the shapes
+    there are.
 
     Args:
         scene_graph: The scene.

@@ -49,16 +49,28 @@ def _MakeVtk() -> RenderEngine:
     return MakeRenderEngineVtk(params)
 
 
-RENDERERS: dict[str, Callable[[], RenderEngine]] = {"vtk": _MakeVtk}
+def _MakeFlat() -> RenderEngine:
+    """Flat colors, drawn by this package: no driver, and a small part of VTK's time."""
+    from mffdrake.systems.flat_renderer import MakeFlatRenderEngine  # numba: slow to import
+
+    return MakeFlatRenderEngine()
+
+
+RENDERERS: dict[str, Callable[[], RenderEngine]] = {"vtk": _MakeVtk, "flat": _MakeFlat}
 """The renderers by name."""
 
 
 def AddRenderer(scene_graph: SceneGraph, name: str = "vtk") -> str:
     """Adds one of the `RENDERERS` to a scene, under its own name.
 
+    Use these, not a renderer with Drake's default lights: its headlight leaves faces so dark that
+    they have no hue, and the recognizer needs the hue of every face.
+
     Args:
         scene_graph: The scene.
-        name: "vtk": Drake's RenderEngineVtk, without a display.
+        name: "vtk": Drake's RenderEngineVtk, without a display; "flat": this package's
+            `FlatRenderEngine`, which knows the shapes that are in the scene by now. So register all
+            geometry before.
 
     Returns:
         The renderer's name in the scene.
@@ -75,5 +87,9 @@ def AddRenderer(scene_graph: SceneGraph, name: str = "vtk") -> str:
     if name not in RENDERERS:
         raise ValueError(f"unknown renderer '{name}'; known renderers: {', '.join(RENDERERS)}")
     if not scene_graph.HasRenderer(name):
+        # pydrake hands a shape to a renderer in Python only if Python holds that shape already.
+        inspector = scene_graph.model_inspector()
+        shapes = [inspector.GetShape(geometry) for geometry in inspector.GetAllGeometryIds()]
         scene_graph.AddRenderer(name, RENDERERS[name]())
+        del shapes
     return name
