@@ -25,6 +25,7 @@ _MODULES = {
         "OneStepGaTracker RandomStart SamplingParameters SearchModel SearchRange SolidModel "
         "StereoCamera"
     ),
+    "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",
     "systems.hand_path": "AddHandPathSource HandPath SolveHandPath",
     "systems.inverse_kinematics": "UnreachablePathError",

@@ -33,6 +33,9 @@ from mffdrake.recognition import SearchModel as SearchModel
 from mffdrake.recognition import SearchRange as SearchRange
 from mffdrake.recognition import SolidModel as SolidModel
 from mffdrake.recognition import StereoCamera as StereoCamera
+from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
+from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
+from mffdrake.recognition.pose import transport_pose as transport_pose
 from mffdrake.systems.graphics import GraphicsUnavailableError as GraphicsUnavailableError
 from mffdrake.systems.graphics import RequireGraphics as RequireGraphics
 from mffdrake.systems.hand_path import AddHandPathSource as AddHandPathSource

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 import mffdrake as mff
@@ -16,10 +15,6 @@ def main() -> None:
     result = mff.Simulate(scenario, diagram=diagram)
     scene = mff.DrawScene(diagram, result, width=1280, height=620)
     views = mff.DrawCameraView(diagram, scenario, result)
-    for column, name in ((0, "left camera"), (camera_width(views), "right camera")):
-        cv2.putText(
-            views, name, (column + 16, 36), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (0, 0, 0), 2, cv2.LINE_AA
-        )
     views[:, camera_width(views) - 1 : camera_width(views) + 1] = 255
     views[:2] = 255
     folder = ROOT / "docs" / "images"

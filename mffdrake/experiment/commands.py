@@ -16,7 +16,7 @@ from tqdm import tqdm
 from mffdrake.experiment.comparison import Compare, MakeVariants, WorkerDiedError
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
-from mffdrake.experiment.files import MakeOutputFolder
+from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
     PlotComparison,
@@ -95,6 +95,7 @@ def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
     row = Evaluate(result)
     result.Save(folder / "result.npz")
     WriteResults([row], folder)
+    _WriteScenario(scenario, folder)
     SaveFigure(PlotHandPath(result), folder / "hand_path.png")
     SaveFigure(PlotPose([result]), folder / "pose.png")
     SaveImage(DrawCameraView(diagram, scenario, result), folder / "camera.png")
@@ -143,6 +144,7 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         results = Compare(variants, workers=options.workers, on_result=on_result)
     rows = [Evaluate(result) for result in results]
     WriteResults(rows, folder, as_csv=True)
+    _WriteScenario(scenario, folder)
     first_seed = [r for r, v in zip(results, variants, strict=True) if v.seed == scenario.seed]
     SaveFigure(PlotComparison(rows), folder / "comparison.png")
     SaveFigure(PlotErrors(first_seed), folder / "errors.png")
@@ -156,6 +158,12 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         _SimulateWithReplay(options, variants[-1])
     print(MarkdownTable(rows))
     _SayWhere(folder)
+
+
+def _WriteScenario(scenario: Scenario, folder: Path) -> None:
+    """Writes what the results came from; it can be given as a scenario file again."""
+    with WholeFile(folder / "scenario.yaml") as part:
+        part.write_text(scenario.Dump(), encoding="utf-8")
 
 
 def _SayWhere(folder: Path) -> None:

@@ -29,7 +29,7 @@ from mffdrake.recognition import (
     Start,
     StereoCamera,
 )
-from mffdrake.recognition.pose import pose_from_transform
+from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
 from mffdrake.systems.models import ConfigureParser
@@ -137,8 +137,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         renderer=_AddRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
-    tracker = MakeTracker(scenario, _LoadSolid(mesh, scenario), CalcDesiredPose(scenario, 0.0))
-    _WarnOutsideRange(scenario)
+    solid = _LoadSolid(mesh, scenario)
+    tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
+    _WarnOutside(scenario, solid, camera)
     recognizer = builder.AddNamedSystem(
         "recognizer", OneStepGaRecognizer(tracker=tracker, timing=timing)
     )
@@ -322,8 +323,8 @@ def _MakeController(config: ControllerConfig, arm: MultibodyPlant, timing: Timin
     )
 
 
-def _WarnOutsideRange(scenario: Scenario) -> None:
-    """Warns where the target's pose leaves the search range on the desired path."""
+def _WarnOutside(scenario: Scenario, solid: SolidModel, camera: StereoCamera) -> None:
+    """Warns where the target leaves the search range or the images on the desired path."""
     search_range = scenario.recognizer.MakeCoding().search_range
     times = np.linspace(0.0, scenario.duration, 201)
     poses = np.array([CalcDesiredPose(scenario, t) for t in times])
@@ -337,3 +338,15 @@ def _WarnOutsideRange(scenario: Scenario) -> None:
                 "between %.3f and %.3f%s, but recognizer.search_range.%s is [%g, %g]",
                 name, low, high, unit, name, least, greatest,
             )  # fmt: skip
+    R_CM, p_CM = transform_from_pose(poses)
+    p_CV = solid.vertices @ np.swapaxes(R_CM, 1, 2) + p_CM[:, None]
+    margin = np.array([0.5, 0.5])
+    size = np.array([camera.width, camera.height])
+    for side, pixels in zip(("right", "left"), camera.project(p_CV), strict=True):
+        inside = (p_CV[..., 2] > 0) & np.all((pixels > -margin) & (pixels < size - margin), axis=-1)
+        if not inside.all():
+            _log.warning(
+                "target outside the image: on the hand's path parts of it leave the %s camera's "
+                "view, so that its fitness stays below 1",
+                side,
+            )

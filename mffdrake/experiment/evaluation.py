@@ -144,8 +144,12 @@ def MarkdownTable(rows: Sequence[dict[str, Any]]) -> str:
         cells += [f"{errors['position_mm']:.2f}", f"{errors['rotation_deg']:.2f}"]
         cells += [f"{row['realtime_factor']:.2f}"]
         lines.append(f"| {' | '.join(cells)} |")
-    frames = f"frames after the first {SETTLED_AFTER:g} s" if settled else "all frames"
-    lines += ["", f"Medians over the seeds; fitness and root-mean-square errors of {frames}."]
+    frames = (
+        f"the frames after the first {SETTLED_AFTER:g} s"
+        if settled
+        else f"all frames with the search at the start, for want of {SETTLED_AFTER:g} s"
+    )
+    lines += ["", f"Medians over the seeds; mean fitness and root-mean-square errors of {frames}."]
     return "\n".join(lines)
 
 

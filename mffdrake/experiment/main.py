@@ -7,13 +7,17 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from importlib.metadata import version
+from typing import Any, NoReturn
 
 __all__ = ["main"]
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Says what is wrong in one line, and takes options by their whole names only."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
@@ -41,17 +45,23 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--scenario-file", metavar="F", help="YAML file with the scenario")
     add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")
     add("--duration", metavar="S", type=_Positive(float), help="simulated time [s]")
-    add("--seed", metavar="N", type=int, help="(first) seed of the random numbers")
+    add(
+        "--seed", metavar="N", type=int, help="seed of the random numbers, in compare the first one"
+    )
     add("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
-    add("--graphviz", metavar="FILE", help="write the diagram as SVG or PNG")
-    add("--replay", metavar="FILE.html", help="write a Meshcat recording as one HTML file")
+    add("--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG")
+    add(
+        "--replay", metavar="FILE.html",
+        help="write a Meshcat recording (of the last run) as one HTML file",
+    )  # fmt: skip
     add("--verbose", action="store_true", help="say more on the way")
 
     parser = _Parser(
         prog="mffdrake",
         description="Recognizes a target's pose with stereo cameras on a moving robot hand.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('mffdrake')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="run|compare")
     run = commands.add_parser("run", parents=[common], help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")

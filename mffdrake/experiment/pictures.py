@@ -24,8 +24,8 @@ from mffdrake.systems.pa10 import ARM_NAME
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
 
 _EYE = (1.3, -2.6, 1.5)  # Where the scene is looked at from [m], in the world.
-_LOOK_AT = (0.85, 0.0, 0.45)
-_FOV_Y = math.radians(30.0)
+_LOOK_AT = (0.95, 0.0, 0.45)
+_FOV_Y = math.radians(34.0)
 _VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
@@ -43,6 +43,8 @@ def DrawCameraView(
     Returns:
         An RGB image, the left camera's on the left, shape (height, 2 width, 3).
     """
+    import cv2
+
     context = _ContextOfFrame(diagram, result, frame)
     right, left = (
         diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
@@ -50,7 +52,13 @@ def DrawCameraView(
     )
     matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
     solid, camera = matcher.search_model.solid, matcher.camera
-    return DrawOutline(right, left, result.recognized_pose[frame], solid, camera)
+    views = DrawOutline(right, left, result.recognized_pose[frame], solid, camera)
+    size = camera.height / 480.0
+    for column, name in ((0, "left camera"), (camera.width, "right camera")):
+        corner = (column + round(16 * size), round(36 * size))
+        font = cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(views, name, corner, font, 0.9 * size, (0, 0, 0), 2, cv2.LINE_AA)
+    return views
 
 
 def DrawScene(

@@ -27,7 +27,7 @@ _COORDINATES = (
 )  # fmt: skip
 _LABELS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
 _COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
-_TRUE = {"color": "black", "linewidth": 1.2, "label": "true"}
+_TRUE = {"color": "0.6", "linewidth": 3.0, "label": "true"}
 
 
 def _Figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, NDArray[Any]]:
@@ -89,8 +89,8 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         results: Records of one or more methods on the same path.
 
     Returns:
-        The figure: seven panels over time. The range of each follows the true pose, so that single
-        wild guesses at the start do not hide the rest.
+        The figure: seven panels over time. The range of each follows the true pose (a wide gray
+        line), so that wild guesses at the start run out of the panel instead of hiding the rest.
     """
     figure, axes = _Figure(7, 1, (10.0, 13.0))
     scenario = LoadScenario(text=results[0].scenario)
@@ -99,12 +99,12 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         f"seed {scenario.seed}"
     )
     for k, (axis, (label, scale)) in enumerate(zip(axes[:6, 0], _COORDINATES, strict=True)):
+        true = scale * results[0].true_pose[:, k]
+        axis.plot(results[0].time, true, **_TRUE)
         for result in results:
             method = LoadScenario(text=result.scenario).method
             style = {"color": _COLORS[method], "label": _LABELS[method], "linewidth": 0.8}
             axis.plot(result.time, scale * result.recognized_pose[:, k], **style)
-        true = scale * results[0].true_pose[:, k]
-        axis.plot(results[0].time, true, **_TRUE)
         room = max(np.ptp(true), 40.0 if k < 3 else 0.08)
         axis.set_ylim(true.min() - 0.6 * room, true.max() + 0.6 * room)
         axis.set_ylabel(label)

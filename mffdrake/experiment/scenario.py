@@ -28,7 +28,7 @@ METHODS = ("ga", "mff")
 """The methods: the plain 1-step GA, and the same with motion feedforward."""
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class Scenario:
     """Everything a simulation depends on. The defaults are the paper's experiment.
 
@@ -69,6 +69,10 @@ class Scenario:
         Raises:
             ScenarioError: One line that names the key, the allowed values and the given one.
         """
+        try:
+            CheckKeysAndTypes(yaml_load_data(self.Dump(), private=True), Scenario)
+        except (AttributeError, TypeError, RuntimeError) as error:
+            raise ScenarioError(f"a value of the scenario has the wrong type: {error}") from error
         _Choice("method", self.method, METHODS)
         _Choice("renderer", self.renderer, tuple(RENDERERS))
         _Choice("recognizer.start", self.recognizer.start, ("random", "near_target"))

@@ -48,7 +48,7 @@ def _List(values: Sequence[float]) -> list[float]:
     return dc.field(default_factory=lambda: list(values))
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class HandPathConfig:
     """The hand's desired path, Eq. (29)-(31).
 
@@ -74,7 +74,7 @@ class HandPathConfig:
         )
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class ControllerConfig:
     """The PD controller.
 
@@ -91,7 +91,7 @@ class ControllerConfig:
     gravity_compensation: bool = True
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class CameraConfig:
     """The stereo camera on the hand.
 
@@ -110,7 +110,7 @@ class CameraConfig:
     p_EC: list[float] = _List(DEFAULT_P_EC)
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class TargetConfig:
     """The known object.
 
@@ -123,7 +123,7 @@ class TargetConfig:
     X_WM: Transform = dc.field(default_factory=lambda: _LikeFirstHandPose([1.718, 0.0, 0.455]))
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class SearchRangeConfig:
     """Least and greatest of every coordinate [m]; see `SearchRange`."""
 
@@ -135,7 +135,7 @@ class SearchRangeConfig:
     eps3: list[float] = _List(SearchRange.eps3)
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class SamplingConfig:
     """How densely the solid is sampled [m]; see `SamplingParameters`."""
 
@@ -144,7 +144,7 @@ class SamplingConfig:
     strip_offsets: list[float] = _List(SamplingParameters.strip_offsets)
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class MatchingConfig:
     """When a pixel has a face's color, and what counts; see `MatchingParameters`."""
 
@@ -155,7 +155,7 @@ class MatchingConfig:
     min_border_distance: float = MatchingParameters.min_border_distance
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class LocalMovesConfig:
     """How far the small motions go; see `LocalMoveParameters`."""
 
@@ -182,7 +182,7 @@ def _Made(
     return kind(**values)
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class RecognizerConfig:
     """The recognizer.
 
@@ -247,13 +247,14 @@ class RecognizerConfig:
         return _Made(self.local_moves, LocalMoveParameters)
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class PredictorConfig:
     """The motion feedforward; see `MffPredictor`.
 
     Attributes:
         mode: "rigid" (exact) or "velocity" (Eq. 12).
-        latency: Known delay of the camera [s].
+        latency: Delay of the camera that is compensated [s]. The simulated cameras have none, so
+            that any other value than 0 studies a mismatch.
         gain: Share of the predicted motion that is applied.
     """
 
@@ -262,7 +263,7 @@ class PredictorConfig:
     gain: float = 1.0
 
 
-@dc.dataclass(kw_only=True)
+@dc.dataclass(kw_only=True, slots=True)
 class TimingConfig:
     """The two rates.
 

@@ -82,9 +82,13 @@ class SimulationResult:
 
         Raises:
             OSError: When it cannot be read.
+            ValueError: When it is not such a file.
         """
-        with np.load(path, allow_pickle=False) as data:
-            values = {name: data[name] for name in data.files}
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                values = {name: data[name] for name in data.files}
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path}: not a record written by SimulationResult.Save") from error
         stages = dict(
             zip(
                 values.pop("stage_names").tolist(),

@@ -76,7 +76,8 @@ class MffPredictor(LeafSystem):
         latency: Known delay of the camera [s], a whole multiple of the control period: the images
             at time t show the scene at t - latency.
         gain: Share of the predicted motion that is applied; 1 is right, 0 is no feedforward.
-        timing: Control and vision periods.
+        timing: Control and vision periods: those of the recognizer, or the prediction is for
+            another time than its frame's.
 
     Raises:
         ValueError: When an argument is outside its range.

@@ -58,7 +58,7 @@ class OneStepGaRecognizer(LeafSystem):
 
     Args:
         tracker: The algorithm, with all of its parameters.
-        timing: Control and vision periods.
+        timing: Control and vision periods: those of the predictor, where there is one.
 
     Raises:
         RuntimeError: At a frame, when an image port is not connected.

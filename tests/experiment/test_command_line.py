@@ -221,7 +221,7 @@ def test_compare_writes_what_is_promised(compare):
     cwd, _ = compare
     names = set(files(cwd / "a" / "b"))
     pictures = {name for name in names if name.endswith(".png")}
-    assert names == pictures | {"results.json", "results.csv"}
+    assert names == pictures | {"results.json", "results.csv", "scenario.yaml"}
     assert len(pictures) >= 3
     assert all(is_picture(cwd / "a" / "b" / name) for name in pictures)
     others = [name for name in files(cwd) if not name.startswith("a/b/")]

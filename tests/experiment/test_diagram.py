@@ -25,7 +25,8 @@ from mffdrake.systems.pd_controller import PD_GAINS
 from mffdrake.systems.timing import Timing
 
 PARTS = {
-    "plant", "scene_graph", "hand_path", "pd_controller", "gravity_compensation", "stereo_camera",
+    "plant", "scene_graph", "render_scene", "hand_path", "pd_controller", "gravity_compensation",
+    "stereo_camera",
     "recognizer", "predictor",
 }  # fmt: skip
 

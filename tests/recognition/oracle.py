@@ -23,7 +23,8 @@ class Score:
         strip: Points of the strip.
         strip_matches: Those of them on a pixel of any hue of the model.
         visible: Whether each face is visible.
-        points: The counted inside points in the camera's frame, each with its face's sides.
+        points: The counted inside points in the camera's frame, where they were moved to, each
+            with its face's sides.
     """
 
     inside: int = 0
@@ -73,11 +74,10 @@ def _score(matcher, psi, image, p_CO):
         if not score.visible[-1]:
             continue
         sides = list(zip(around, around[1:] + around[:1], strict=True))
-        # A side behind the camera has no image and sets no limit.
-        clearances = [_clearance(a, b, normal, f) for a, b in sides if (a + b)[2] > 0]
+        limits = [_limit(a, b, normal, f, p.min_border_distance) for a, b in sides]
         for point in model.inside_points[model.inside_start[k] : model.inside_start[k + 1]]:
-            q = R @ point + origin
-            if any((q - a) @ gain < p.min_border_distance for a, gain in clearances):
+            q = _move_inward(R @ point + origin, limits)
+            if q is None:
                 continue
             score.inside += 1
             score.points.append((q, sides))
@@ -92,23 +92,37 @@ def _score(matcher, psi, image, p_CO):
         outward /= np.linalg.norm(outward)
         if outward @ (middle - corners[i]) > 0:
             outward = -outward
-        for point in model.edge_points[model.edge_start[k] : model.edge_start[k + 1]]:
+        along = model.edge_points[model.edge_start[k] : model.edge_start[k + 1]] @ R.T + origin
+        least = p.min_border_distance * along[0][2] / f
+        for q in along:
             for offset in model.strip_offsets:
-                hue = _hue_at(image, R @ point + origin + offset * outward, f, p)
+                hue = _hue_at(image, q + max(offset, least) * outward, f, p)
                 score.strip += 1
                 score.strip_matches += any(_same(hue, wanted, p) for wanted in solid.hues)
     return score
 
 
-def _clearance(a, b, normal, f):
-    """The side a-b of a face as a point and the pixels that a step inward [m] moves off it.
+def _limit(a, b, normal, f, pixels):
+    """A point of a face's side a-b, the direction inward, and how far off a point must be [m].
 
-    Reckoned at the depth of the side's middle.
+    That is the given distance in the image, reckoned at the depth of the side's middle; it is
+    negative, hence no limit, for a side behind the camera.
     """
     along = (b - a) / np.linalg.norm(b - a)
     inward = np.cross(normal, along)
     sight_plane = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
-    return a, f * abs(inward @ sight_plane) / (0.5 * (a + b)[2]) * inward
+    pixels_per_meter = f * abs(inward @ sight_plane) / (0.5 * (a + b)[2])
+    return a, inward, 0.0 if pixels_per_meter == 0.0 else pixels / pixels_per_meter
+
+
+def _move_inward(q, limits):
+    """A point moved off all sides to which it is too near, or None if it is near another then."""
+    missing = [max(0.0, least - (q - a) @ inward) for a, inward, least in limits]
+    if not any(missing):
+        return q
+    moved = q + sum(m * inward for m, (_, inward, _) in zip(missing, limits, strict=True))
+    clear = all((moved - a) @ inward > (1 - 1e-9) * least for a, inward, least in limits)
+    return moved if clear else None
 
 
 def border_distances(score, f):

@@ -17,7 +17,12 @@ from mffdrake.recognition import (
 
 RANGE = SearchRange()
 CODINGS = ("binary", "gray")
-PLAIN = {"local_share": 0.0, "newcomer_share": 0.0, "first_candidates": 1}
+PLAIN = {
+    "survivor_share": 0.5,
+    "local_share": 0.0,
+    "newcomer_share": 0.0,
+    "first_candidates": 1,
+}
 
 codings = pytest.mark.parametrize("coding", CODINGS)
 
@@ -195,6 +200,7 @@ def test_unknown_coding_is_named_with_the_choices():
 @pytest.mark.parametrize(
     ("name", "value"),
     [
+        ("population_size", 2),
         ("population_size", 1),
         ("population_size", 0),
         ("first_candidates", 0),
@@ -218,6 +224,15 @@ def test_shares_of_the_children_must_not_exceed_one_together():
     with pytest.raises(ValueError, match="local_share and newcomer_share"):
         GeneticParameters(local_share=0.6, newcomer_share=0.5)
     GeneticParameters(local_share=0.5, newcomer_share=0.5)
+
+
+def test_default_parameters():
+    parameters = GeneticParameters()
+    assert parameters.population_size == 60
+    assert parameters.survivor_share == 0.25
+    assert parameters.mutation_probability == 0.02
+    assert (parameters.local_share, parameters.newcomer_share) == (0.6, 0.15)
+    assert parameters.first_candidates == 30
 
 
 # Drawing
@@ -268,21 +283,59 @@ def test_everything_drawn_or_bred_can_be_represented_by_genes(coding):
 
 @codings
 @pytest.mark.parametrize("local_share", [0.0, 0.5])
-def test_the_best_survive_unchanged_and_come_first_best_first(coding, local_share):
+def test_the_best_survive_unchanged_and_come_last_best_first(coding, local_share):
     algorithm = genetic(coding, local_share=local_share, survivor_share=0.4)
     rng = np.random.default_rng(5)
     poses, fitness = algorithm.draw(60, rng), rng.random(60)
     next_poses = algorithm.breed(poses, fitness, rng)
     assert next_poses.shape == (60, 6)
     best_first = np.argsort(-fitness)[:24]
-    np.testing.assert_array_equal(next_poses[:24], poses[best_first])
+    np.testing.assert_array_equal(next_poses[-24:], poses[best_first])
 
 
-def test_equals_keep_their_order():
+def test_equals_survive_in_their_order():
     algorithm = genetic()
     poses = algorithm.draw(60, np.random.default_rng(6))
-    next_poses = algorithm.breed(poses, np.full(60, 0.5), np.random.default_rng(7))
-    np.testing.assert_array_equal(next_poses[:30], poses[:30])
+    fitness = np.where(np.arange(60) % 6 == 5, 0.7, 0.5)
+    next_poses = algorithm.breed(poses, fitness, np.random.default_rng(7))
+    survivors = np.concatenate([poses[5::6], poses[[0, 1, 2, 3, 4]]])
+    np.testing.assert_array_equal(next_poses[-15:], survivors)
+
+
+@codings
+@pytest.mark.parametrize("equals", [1, 2, 7, 20, 60])  # 20: more than survive
+def test_the_center_of_the_equally_best_comes_first(coding, equals):
+    algorithm = genetic(coding)
+    rng = np.random.default_rng(20)
+    poses, fitness = algorithm.draw(60, rng), 0.8 * rng.random(60)
+    best = rng.permutation(60)[:equals]
+    fitness[best] = 0.9
+    center = algorithm.breed(poses, fitness, rng)[0]
+    half_step = 0.5 * (RANGE.upper - RANGE.lower) / 4095
+    assert (np.abs(center - poses[best].mean(axis=0)) <= half_step * (1 + 1e-9)).all()
+    [represented] = algorithm.coding.decode(algorithm.coding.encode([center]))
+    np.testing.assert_array_equal(center, represented)
+    if equals == 1:
+        np.testing.assert_array_equal(center, poses[best[0]])
+
+
+def test_nearly_equals_have_no_part_in_the_center():
+    algorithm = genetic()
+    poses = grid(np.arange(60) * 60)
+    fitness = np.full(60, np.nextafter(0.9, 0))
+    fitness[[10, 20]] = 0.9
+    center = algorithm.breed(poses, fitness, np.random.default_rng(21))[0]
+    np.testing.assert_allclose(center, poses[15], atol=1e-12)
+
+
+def test_local_children_move_the_center_and_not_one_of_the_best():
+    algorithm = genetic(local_share=1.0, newcomer_share=0.0)  # moves that do not move
+    poses = grid(np.arange(60) * 60)
+    fitness = np.linspace(0.5, 0.0, 60)
+    fitness[[10, 30]] = 0.9
+    next_poses = algorithm.breed(poses, fitness, np.random.default_rng(22))
+    np.testing.assert_allclose(next_poses[:45], poses[20:21].repeat(45, axis=0), atol=1e-12)
+    assert (next_poses[45:] != poses[20]).any(axis=1).all()
 
 
 def test_survivors_carried_out_of_the_range_are_moved_to_its_border():
@@ -290,13 +343,14 @@ def test_survivors_carried_out_of_the_range_are_moved_to_its_border():
     poses = grid(np.full(60, 2000))
     poses[0] = [-0.3, 0.155, 0.8, 0.0, 0.0, 0.7]
     fitness = np.linspace(1, 0, 60)
-    best = algorithm.breed(poses, fitness, np.random.default_rng(8))[0]
-    assert best[0] == pytest.approx(-0.150) and best[5] == pytest.approx(0.5)
+    next_poses = algorithm.breed(poses, fitness, np.random.default_rng(8))
+    for best in next_poses[[0, -15]]:  # the center, too
+        assert best[0] == pytest.approx(-0.150) and best[5] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
     ("population_size", "survivor_share", "survivors"),
-    [(60, 0.5, 30), (60, 0.4, 24), (10, 0.33, 3), (2, 0.5, 1), (60, 0.0, 1), (60, 1.0, 59)],
+    [(60, 0.25, 15), (60, 0.5, 30), (10, 0.33, 3), (3, 0.5, 1), (60, 0.0, 1), (60, 1.0, 58)],
 )
 def test_number_of_survivors(population_size, survivor_share, survivors):
     # All children are newcomers, which never repeat a parent.
@@ -307,24 +361,32 @@ def test_number_of_survivors(population_size, survivor_share, survivors):
         newcomer_share=1.0,
     )
     rng = np.random.default_rng(9)
-    parents = algorithm.draw(population_size, rng)
-    next_poses = algorithm.breed(parents, rng.random(population_size), rng)
+    parents, fitness = algorithm.draw(population_size, rng), rng.random(population_size)
+    next_poses = algorithm.breed(parents, fitness, rng)
     assert len(next_poses) == population_size
     kept = [row in set(rows(parents)) for row in rows(next_poses)]
-    assert kept == [True] * survivors + [False] * (population_size - survivors)
+    # The center, which is the best alone, the newcomers, and the survivors.
+    assert kept == [True] + [False] * (population_size - survivors - 1) + [True] * survivors
+    np.testing.assert_array_equal(next_poses[0], parents[np.argmax(fitness)])
+    np.testing.assert_array_equal(next_poses[-survivors], parents[np.argmax(fitness)])
 
 
 @pytest.mark.parametrize(
-    ("local_share", "newcomer_share", "local", "newcomers"),
+    ("survivor_share", "local_share", "newcomer_share", "local", "newcomers", "crossed"),
     [
-        (0.5, 0.1, 15, 3),
-        (0.0, 0.0, 0, 0),
-        (1.0, 0.0, 30, 0),
-        (0.25, 0.75, 8, 22),
-        (0.3, 0.5, 9, 15),
+        (0.25, 0.6, 0.15, 26, 7, 11),  # the default
+        (0.5, 0.0, 0.0, 0, 0, 29),  # the plain 1-step GA
+        (0.5, 1.0, 0.0, 29, 0, 0),
+        (0.5, 0.0, 1.0, 0, 29, 0),
+        (0.5, 0.25, 0.75, 7, 22, 0),
+        (0.5, 0.3, 0.6, 9, 17, 3),
+        (0.6, 0.5, 0.5, 12, 11, 0),  # both of 23 / 2 rounded up would be one too many
+        (1.0, 0.6, 0.15, 1, 0, 0),
     ],
 )
-def test_shares_of_the_children(local_share, newcomer_share, local, newcomers):
+def test_order_and_shares_of_the_children(
+    survivor_share, local_share, newcomer_share, local, newcomers, crossed
+):
     # Equal parents: what a crossing makes of them equals them, a move without rotation changes
     # their position only, and a newcomer is different in every gene.
     moves = LocalMoves(
@@ -332,18 +394,34 @@ def test_shares_of_the_children(local_share, newcomer_share, local, newcomers):
     )
     algorithm = genetic(
         moves=moves,
+        survivor_share=survivor_share,
         local_share=local_share,
         newcomer_share=newcomer_share,
         mutation_probability=0.0,
     )
     parents = grid(np.full(60, 1500))
-    children = algorithm.breed(parents, np.ones(60), np.random.default_rng(10))[30:]
-    moved = np.abs(children - parents[0]) > 1e-9
+    next_poses = algorithm.breed(parents, np.ones(60), np.random.default_rng(10))
+    moved = np.abs(next_poses - parents[0]) > 1e-9
     of_local = moved[:, :3].any(axis=1) & ~moved[:, 3:].any(axis=1)
     of_newcomers = moved[:, 3:].all(axis=1)
-    assert of_local.sum() == local
-    assert of_newcomers.sum() == newcomers
-    assert (~moved.any(axis=1)).sum() == 30 - local - newcomers  # crossed: equal to their parents
+    # First the center, last the crossed children and the survivors: all equal to the parents.
+    survivors = 59 - local - newcomers - crossed
+    assert survivors == min(58, round(60 * survivor_share))
+    place = np.arange(60)
+    np.testing.assert_array_equal(of_local, (1 <= place) & (place < 1 + local))
+    np.testing.assert_array_equal(
+        of_newcomers, (1 + local <= place) & (place < 1 + local + newcomers)
+    )
+    assert (~moved.any(axis=1)).sum() == 1 + crossed + survivors
+
+
+def test_crossed_children_come_after_the_newcomers_and_before_the_survivors():
+    # Every bit of a crossed child flips: it is what equal parents are not, at no other place.
+    algorithm = genetic(mutation_probability=1.0)
+    parents = grid(np.full(60, 1500))
+    next_poses = algorithm.breed(parents, np.ones(60), np.random.default_rng(23))
+    opposite = np.abs(next_poses - grid([4095 - 1500])[0]).max(axis=1) < 1e-9
+    np.testing.assert_array_equal(np.flatnonzero(opposite), np.arange(60 - 15 - 11, 60 - 15))
 
 
 def test_local_children_move_the_best_individual():
@@ -356,7 +434,7 @@ def test_local_children_move_the_best_individual():
     rng = np.random.default_rng(11)
     poses, fitness = algorithm.draw(60, rng), rng.random(60)
     best = np.argmax(fitness)
-    children = algorithm.breed(poses, fitness, rng)[30:]
+    children = algorithm.breed(poses, fitness, rng)[1:45]
     assert np.abs(children - poses[best]).max() < 0.006
     assert np.abs(children[:, :3] - poses[best, :3]).max() > 0.0005
 
@@ -367,12 +445,13 @@ def test_bits_of_a_crossed_child_mutate_with_the_given_probability(coding, proba
     # Equal parents: crossover changes nothing, so every difference is a mutation.
     algorithm = genetic(coding, mutation_probability=probability, population_size=600, **PLAIN)
     parents = grid(np.full(600, 1234))
-    children = algorithm.breed(parents, np.ones(600), np.random.default_rng(12))[300:]
+    next_poses = algorithm.breed(parents, np.ones(600), np.random.default_rng(12))
+    children = next_poses[1:300]
     flips = algorithm.coding.encode(children) != algorithm.coding.encode(parents[:1])
     deviation = 5 * math.sqrt(probability * (1 - probability))  # five standard deviations
     assert flips.mean() == pytest.approx(probability, abs=deviation / math.sqrt(flips.size))
     # At every position of the string alike, and independently in a child.
-    np.testing.assert_allclose(flips.mean(axis=0), probability, atol=deviation / math.sqrt(300))
+    np.testing.assert_allclose(flips.mean(axis=0), probability, atol=deviation / math.sqrt(299))
     variance = 72 * probability * (1 - probability)
     assert flips.sum(axis=1).var() == pytest.approx(variance, rel=0.4, abs=1e-12)
 
@@ -383,20 +462,22 @@ def test_survivors_do_not_mutate(coding):
     rng = np.random.default_rng(13)
     poses = algorithm.draw(60, rng)
     next_poses = algorithm.breed(poses, np.linspace(1, 0, 60), rng)
-    np.testing.assert_array_equal(next_poses[:30], poses[:30])
+    np.testing.assert_array_equal(next_poses[0], poses[0])  # nor does the center
+    np.testing.assert_array_equal(next_poses[-30:], poses[:30])
 
 
 @codings
 def test_two_point_crossover_gives_one_stretch_of_the_string_to_the_other_parent(coding):
     # Parents of all zeros and all ones: a child's stretches show where it was cut.
     algorithm = genetic(
-        coding, mutation_probability=0.0, population_size=1000, survivor_share=0.002, **PLAIN
+        coding,
+        **PLAIN | {"mutation_probability": 0.0, "population_size": 1000, "survivor_share": 0.002},
     )
     strings = np.zeros((1000, 72), dtype=np.uint8)
     strings[1] = 1
     parents = algorithm.coding.decode(strings)
     next_poses = algorithm.breed(parents, np.linspace(1, 0, 1000), np.random.default_rng(14))
-    children = algorithm.coding.encode(next_poses[2:]).astype(int)
+    children = algorithm.coding.encode(next_poses[1:-2]).astype(int)
     changes = np.count_nonzero(np.diff(children, axis=1), axis=1)
     assert changes.max() == 2
     # Half of the children have two different parents, and few of their cuts fall on an end.
@@ -409,12 +490,14 @@ def test_two_point_crossover_gives_one_stretch_of_the_string_to_the_other_parent
 @codings
 def test_without_mutation_every_crossed_child_consists_of_two_survivors_stretches(coding):
     algorithm = genetic(
-        coding, mutation_probability=0.0, population_size=40, survivor_share=0.2, **PLAIN
+        coding,
+        **PLAIN | {"mutation_probability": 0.0, "population_size": 40, "survivor_share": 0.2},
     )
     rng = np.random.default_rng(15)
     poses = algorithm.draw(40, rng)
     bits = algorithm.coding.encode(algorithm.breed(poses, np.linspace(1, 0, 40), rng))
-    parents, children = bits[:8], bits[8:]
+    parents, children = bits[-8:], bits[1:-8]
+    assert len(children) == 31
     for child in children:
         assert any(is_crossing(child, mother, father) for mother in parents for father in parents)
 
@@ -446,7 +529,7 @@ def test_the_same_random_numbers_breed_the_same_generation(coding):
         algorithm.breed(poses, fitness, np.random.default_rng(seed)) for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
-    assert (first[30:] != other[30:]).any(axis=1).sum() >= 28
+    assert (first[1:45] != other[1:45]).any(axis=1).sum() >= 42
 
 
 def test_breeding_leaves_its_arguments_alone():

@@ -16,6 +16,7 @@ from synthetic import (
     random_poses,
     random_poses_in_view,
     render,
+    rotation,
     small_camera,
     tetrahedron,
 )
@@ -269,18 +270,85 @@ def test_dark_images_score_zero():
 # The faces' borders
 
 
-def test_points_near_a_face_s_border_do_not_count():
-    # The outermost points lie half a cell, some 10 mm, inside: 8 px at this distance. Where they
-    # are grey, three fifths of one and three quarters of the other direction remain.
-    distance = CAMERA.focal_length * 0.010 / (HEAD_ON[2] - 0.100)
-    for least, expected in ((0.0, 18 / 40), (0.9 * distance, 18 / 40), (1.1 * distance, 1.0)):
-        matcher = front_face_matcher(SIX_HUES, min_border_distance=least)
-        images = front_image(matcher, GREY, GREY)
-        corners = HEAD_ON[:3] + np.array([[-0.035, -0.06, -0.1], [0.035, 0.06, -0.1]])
-        for image, ends in zip(images, matcher.camera.project(corners), strict=True):
+def pixels(length):
+    """Pixels of a length [m] on the face in front of the box seen head-on."""
+    return CAMERA.focal_length * length / (HEAD_ON[2] - 0.100)
+
+
+def ringed_image(matcher, core, ring, outside=GREY, half=(0.035, 0.060), reach=0.0):
+    """The front face's middle, its remaining ring, widened by a reach [m], and all else."""
+    pair = [image.copy() for image in painted(outside, matcher.camera)]
+    for half_size, color in (((0.05 + reach, 0.075 + reach), ring), (half, core)):
+        corners = HEAD_ON[:3] + np.array([[*np.negative(half_size), -0.1], [*half_size, -0.1]])
+        for image, ends in zip(pair, matcher.camera.project(corners), strict=True):
             (u0, v0), (u1, v1) = np.rint(ends).astype(int)
-            image[v0:v1, u0:u1] = color_of(SIX_HUES[5])
-        assert matcher.fitness([HEAD_ON], *images)[0] == pytest.approx(expected)
+            image[v0:v1, u0:u1] = color
+    return pair
+
+
+@pytest.mark.parametrize(
+    ("least", "in_core"),
+    # The outermost points lie half a cell, some 10 mm, inside; the core begins at 15 mm.
+    [(0.0, 18), (0.009, 18), (0.011, 18), (0.013, 18), (0.017, 40), (0.034, 40), (0.049, 40)],
+)
+def test_points_near_a_face_s_border_are_moved_inward_and_count(least, in_core):
+    matcher = front_face_matcher(SIX_HUES, min_border_distance=pixels(least))
+    color = color_of(SIX_HUES[5])
+    core, ring = (ringed_image(matcher, *colors) for colors in ((color, GREY), (GREY, color)))
+    assert matcher.fitness([HEAD_ON], *core)[0] == pytest.approx(in_core / FRONT)
+    assert matcher.fitness([HEAD_ON], *ring)[0] == pytest.approx(1 - in_core / FRONT)
+
+
+def test_points_are_moved_no_farther_than_to_the_least_distance():
+    # To 16 mm off the border, which is within a band from 15 mm to 18 mm, and the others stay.
+    matcher = front_face_matcher(SIX_HUES, min_border_distance=pixels(0.016))
+    color = color_of(SIX_HUES[5])
+    [fitness] = matcher.fitness([HEAD_ON], *ringed_image(matcher, GREY, color, half=(0.032, 0.057)))
+    assert fitness == pytest.approx(22 / FRONT)
+
+
+@pytest.mark.parametrize(("least", "expected"), [(0.049, 1.0), (0.051, 0.0)])
+def test_no_point_of_a_face_counts_that_is_narrower_than_twice_the_distance(least, expected):
+    # The face is 100 mm wide.
+    matcher = front_face_matcher(SIX_HUES, min_border_distance=pixels(least))
+    images = front_image(matcher, color_of(SIX_HUES[5]), GREY)
+    assert matcher.fitness([HEAD_ON], *images)[0] == expected
+
+
+@pytest.mark.parametrize("least", [1.0, 3.0])
+def test_an_obliquely_seen_face_keeps_its_count_until_it_is_too_narrow(least):
+    # All pixels have the side face's hue, and the strip lies outside of the images: the fitness is
+    # that face's share of the counted points, 80 of 120.
+    matcher = front_face_matcher(SIX_HUES, (5.0,), min_border_distance=least)
+    images = painted(color_of(SIX_HUES[0]), matcher.camera)
+    wide, narrow = [], []
+    # The edge of sight is where the side's plane passes through the cameras.
+    corners = solid_of(matcher).vertices[list(solid_of(matcher).faces[0])]
+    for turn in math.asin(0.05 / 0.8) + np.geomspace(0.002, 0.4, 80):
+        psi = pose(HEAD_ON[:3], (0, math.sin(0.5 * turn), 0))
+        pixels_of_corners = matcher.camera.project(corners @ rotation(psi[3:]).T + psi[:3])
+        widths = [np.ptp(uv[:, 0]) for uv in pixels_of_corners]
+        [fitness] = matcher.fitness([psi], *images)
+        if min(widths) > 2.2 * least:
+            wide.append(fitness)
+        elif max(widths) < 1.8 * least:
+            narrow.append(fitness)
+    assert len(wide) > 10 and len(narrow) > 5
+    np.testing.assert_allclose(wide, 80 / 120)
+    np.testing.assert_array_equal(narrow, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("least", "reach", "matches"),
+    # The strip's offset is 3 mm, or the least distance where that is more.
+    [(0.0, 0.001, 0), (0.0, 0.005, 1), (0.001, 0.005, 1), (0.009, 0.007, 0), (0.009, 0.011, 1)],
+)
+def test_the_strip_is_moved_outward_to_the_least_distance(least, reach, matches):
+    matcher = front_face_matcher(SIX_HUES, (0.003,), min_border_distance=pixels(least))
+    color = color_of(SIX_HUES[5])
+    images = ringed_image(matcher, color, color, reach=reach)
+    [fitness] = matcher.fitness([HEAD_ON], *images)
+    assert fitness == pytest.approx((FRONT - matches * OUTLINE) / FRONT)
 
 
 def test_no_points_left_score_zero():

@@ -21,11 +21,13 @@ from mffdrake.recognition import (
     GeneCoding,
     Generation,
     GeneticParameters,
+    LocalMoveParameters,
     Matcher,
     NearStart,
     OneStepGaTracker,
     RandomStart,
     SearchModel,
+    SolidModel,
     StereoCamera,
 )
 from mffdrake.recognition.pose import rotation_angle, transport_pose
@@ -35,7 +37,13 @@ CAMERA = StereoCamera()
 MATCHER = Matcher(SearchModel(BOX), CAMERA)
 TRUTH = pose((0.03, 0.15, 0.78), (0.1, 0.15, -0.1))
 IMAGES = render(BOX, TRUTH, CAMERA)
-PLAIN = GeneticParameters(local_share=0.0, newcomer_share=0.0, first_candidates=1)
+PLAIN_SHARES = {
+    "survivor_share": 0.5,
+    "local_share": 0.0,
+    "newcomer_share": 0.0,
+    "first_candidates": 1,
+}
+PLAIN = GeneticParameters(**PLAIN_SHARES)
 """The plain 1-step GA."""
 
 
@@ -159,6 +167,66 @@ def test_on_the_same_images_the_best_never_gets_worse():
             generation = following
 
 
+class TiedMatcher(Matcher):
+    """Gives every third pose the same fitness."""
+
+    def __init__(self):
+        super().__init__(SearchModel(BOX), CAMERA)
+
+    def fitness(self, poses, image_right, image_left):
+        return (np.arange(len(poses)) % 3) / 3
+
+
+class Candidates:
+    """A start with given poses."""
+
+    def __init__(self, poses):
+        self.poses = poses
+
+    def draw(self, algorithm, rng):
+        return self.poses
+
+
+def test_among_equals_the_former_come_first():
+    poses = GeneCoding().decode(np.random.default_rng(0).integers(0, 2, (90, 72), dtype=np.uint8))
+    algorithm = tracker(matcher=TiedMatcher(), start=Candidates(poses))
+    generation = algorithm.start_population(*IMAGES)
+    np.testing.assert_array_equal(generation.poses, np.concatenate([poses[2::3], poses[1::3]]))
+    np.testing.assert_array_equal(generation.fitness, np.repeat([2 / 3, 1 / 3], 30))
+
+
+def test_among_equals_the_center_leads_and_the_survivors_come_last():
+    # Nothing to see: all have fitness zero, so that sorting leaves the bred order as it is.
+    grey = np.full_like(IMAGES[0], 128)
+    algorithm = tracker()
+    generation = algorithm.start_population(grey, grey)
+    following = algorithm.track(generation, grey, grey, frame=1)
+    np.testing.assert_array_equal(following.fitness, 0.0)
+    coding = algorithm.coding
+    [center] = coding.decode(coding.encode([generation.poses.mean(axis=0)]))
+    np.testing.assert_array_equal(following.best, center)
+    np.testing.assert_array_equal(following.poses[-15:], generation.poses[:15])
+
+
+# The local moves
+
+
+def test_local_moves_turn_about_the_solid_s_and_its_faces_centers_between_the_cameras():
+    offset = np.array([0.3, -0.2, 0.1])  # the frame's origin is not the solid's center
+    solid = SolidModel(BOX.vertices + offset, BOX.faces, BOX.hues)
+    camera = StereoCamera(baseline=0.130)
+    moves = LocalMoveParameters(depth=0.1)
+    algorithm = tracker(matcher=Matcher(SearchModel(solid), camera), local_moves=moves)
+    given = algorithm._algorithm.local_moves
+    steps = 0.5 * np.array([0.100, 0.150, 0.200])
+    expected = offset + np.concatenate([np.zeros((1, 3)), np.diag(steps), np.diag(-steps)])
+    assert given.pivots.shape == (7, 3)
+    for pivot in expected:
+        assert np.abs(given.pivots - pivot).max(axis=1).min() < 1e-12
+    np.testing.assert_allclose(given.p_CS, [-0.065, 0.0, 0.0], atol=1e-15)
+    assert given.parameters == moves
+
+
 # Evaluations
 
 
@@ -167,7 +235,7 @@ def test_one_frame_scores_the_population_once_a_generation(generations):
     matcher = CountingMatcher()
     algorithm = tracker(matcher=matcher, generations_per_frame=generations)
     generation = algorithm.start_population(*IMAGES)
-    assert matcher.calls == [600]  # ten candidates for each place
+    assert matcher.calls == [1800]  # thirty candidates for each place
     matcher.calls.clear()
     algorithm.track(generation, *IMAGES, frame=1)
     assert matcher.calls == [60] * generations
@@ -232,19 +300,21 @@ def test_near_start_needs_no_further_candidates():
 
 def test_plain_preset_scores_one_random_population_and_crosses_survivors_only():
     matcher = CountingMatcher()
-    parameters = GeneticParameters(
-        local_share=0.0, newcomer_share=0.0, first_candidates=1, mutation_probability=0.0
-    )
+    parameters = GeneticParameters(**PLAIN_SHARES, mutation_probability=0.0)
     algorithm = tracker(matcher=matcher, parameters=parameters)
     generation = algorithm.start_population(*IMAGES)
     assert matcher.calls == [60]
     for frame in range(1, 6):
         parents = algorithm.coding.encode(generation.poses[:30])
+        equals = generation.poses[generation.fitness == generation.fitness[0]]
+        center = algorithm.coding.encode([equals.mean(axis=0)])
         generation = algorithm.track(generation, *IMAGES, frame=frame)
         children = algorithm.coding.encode(generation.poses)
-        # Where all survivors have the same bit, so have all of the next generation.
+        # Where all survivors have the same bit, so have all of the next generation (but the
+        # center of the best, unless it is one of them).
         agreed = (parents == parents[0]).all(axis=0)
-        np.testing.assert_array_equal(children[:, agreed], np.tile(parents[0, agreed], (60, 1)))
+        differ = (children[:, agreed] != parents[0, agreed]).any(axis=1)
+        assert (children[differ] == center).all() and differ.sum() <= 1
 
 
 def test_plain_preset_climbs():
@@ -260,19 +330,19 @@ def test_plain_preset_climbs():
 
 
 @pytest.mark.parametrize(
-    "truth",
-    [pose(PAPER_POSITION), pose(PAPER_POSITION, (0, ARC_EPS2, 0)), TRUTH],
+    ("truth", "least"),
+    [(pose(PAPER_POSITION), 8), (pose(PAPER_POSITION, (0, ARC_EPS2, 0)), 6), (TRUTH, 9)],
     ids=["head-on", "end of the arc", "turned"],
 )
-def test_locks_on_a_target_at_rest_from_a_random_start_for_most_seeds(truth):
+def test_locks_on_a_target_at_rest_from_a_random_start_for_most_seeds(truth, least):
     # The fitness has a plateau, so some millimeters remain once it is full.
     images = render(BOX, truth, CAMERA)
     locked = 0
     for seed in range(10):
         best = run(tracker(seed=seed), 150, images).best
-        near = position_error(best, truth) < 0.010
-        locked += near and rotation_error(best, truth) < math.radians(3.0)
-    assert locked > 5
+        near = position_error(best, truth) < 0.005
+        locked += near and rotation_error(best, truth) < math.radians(2.0)
+    assert locked >= least
 
 
 @pytest.mark.parametrize("truth", [pose(PAPER_POSITION), TRUTH], ids=["head-on", "turned"])
@@ -280,9 +350,9 @@ def test_locks_from_a_start_around_the_target_for_every_seed(truth):
     images = render(BOX, truth, CAMERA)
     for seed in range(12):
         generation = run(tracker(seed=seed, start=NearStart(truth)), 40, images)
-        assert generation.fitness[0] > 0.95
-        assert position_error(generation.best, truth) < 0.010
-        assert rotation_error(generation.best, truth) < math.radians(3.0)
+        assert generation.fitness[0] > 0.99
+        assert position_error(generation.best, truth) < 0.006
+        assert rotation_error(generation.best, truth) < math.radians(1.5)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -308,6 +378,13 @@ def test_carrying_the_population_along_keeps_the_lock_on_a_moving_camera(seed):
             (position_error(with_feedforward.best, truth), position_error(without.best, truth))
         )
     fitness, errors = np.array(fitness), np.array(errors)
+    print(
+        "MOV",
+        fitness[:, 0].min(),
+        errors[:, 0].max(),
+        fitness[:, 1].mean(),
+        errors[:, 1].mean() / errors[:, 0].mean(),
+    )
     assert fitness[:, 0].min() > 0.9
     assert errors[:, 0].max() < 0.010
     assert fitness[:, 1].mean() < 0.7
