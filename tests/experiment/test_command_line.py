@@ -78,10 +78,10 @@ def test_run_is_quiet_when_nobody_watches(run):
 def test_run_writes_what_is_promised_into_out(run):
     cwd, _ = run
     names = set(files(cwd / "out"))
-    assert names >= {"result.npz", "results.json"}
+    assert names >= {"result.npz", "results.json", "scenario.yaml"}
     pictures = {name for name in names if name.endswith(".png")}
     assert len(pictures) >= 3
-    assert names == pictures | {"result.npz", "results.json"}
+    assert names == pictures | {"result.npz", "results.json", "scenario.yaml"}
     assert all(is_picture(cwd / "out" / name) for name in pictures)
     assert files(cwd) == sorted(["my.yaml", *(f"out/{name}" for name in names)])
 

@@ -408,7 +408,7 @@ def test_order_and_shares_of_the_children(
     survivors = 59 - local - newcomers - crossed
     assert survivors == min(58, round(60 * survivor_share))
     place = np.arange(60)
-    np.testing.assert_array_equal(of_local, (1 <= place) & (place < 1 + local))
+    np.testing.assert_array_equal(of_local, (place >= 1) & (place < 1 + local))
     np.testing.assert_array_equal(
         of_newcomers, (1 + local <= place) & (place < 1 + local + newcomers)
     )

@@ -242,16 +242,19 @@ def test_one_frame_scores_the_population_once_a_generation(generations):
 
 
 def test_more_generations_go_on_from_where_one_ends():
+    gains = []
     for seed in range(5):
         generation = run(tracker(seed=seed), 5)
-        one, three = (
+        one, two, three = (
             tracker(seed=seed, generations_per_frame=n).track(generation, *IMAGES, frame=6)
-            for n in (1, 3)
+            for n in (1, 2, 3)
         )
-        assert three.fitness[0] >= one.fitness[0]
-        # The best share of the first generation lives through the two others.
-        assert tuple(one.poses[0]) in {tuple(p) for p in three.poses}
-        assert three.fitness.mean() > one.fitness.mean()
+        assert three.fitness[0] >= two.fitness[0] >= one.fitness[0]
+        # The best share of each generation lives in the next.
+        for former, latter in ((one, two), (two, three)):
+            assert {tuple(p) for p in former.poses[:15]} <= {tuple(p) for p in latter.poses}
+        gains.append(three.fitness.mean() - one.fitness.mean())
+    assert np.mean(gains) > 0
 
 
 def test_first_population_is_the_best_of_the_candidates():
@@ -378,17 +381,10 @@ def test_carrying_the_population_along_keeps_the_lock_on_a_moving_camera(seed):
             (position_error(with_feedforward.best, truth), position_error(without.best, truth))
         )
     fitness, errors = np.array(fitness), np.array(errors)
-    print(
-        "MOV",
-        fitness[:, 0].min(),
-        errors[:, 0].max(),
-        fitness[:, 1].mean(),
-        errors[:, 1].mean() / errors[:, 0].mean(),
-    )
-    assert fitness[:, 0].min() > 0.9
-    assert errors[:, 0].max() < 0.010
+    assert fitness[:, 0].min() > 0.98
+    assert errors[:, 0].max() < 0.005
     assert fitness[:, 1].mean() < 0.7
-    assert errors[:, 1].mean() > 2 * errors[:, 0].mean()
+    assert errors[:, 1].mean() > 5 * errors[:, 0].mean()
 
 
 # Parameters
