@@ -174,7 +174,7 @@ class OneStepGaTracker:
     def _select(self, candidates: Array, image_right: Image, image_left: Image) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""
         fitness = self.matcher.fitness(candidates, image_right, image_left)
-        # A stable order makes equals keep their places: survivors stay before their children.
+        # A stable order makes equals keep their places: the center first, survivors last.
         order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
         return Generation(candidates[order], fitness[order])
 
