@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import logging
-from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Mesh, Meshcat, Role, SceneGraph
-from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
+from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import Body
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.experiment.scenario_sections import ControllerConfig
+from mffdrake.experiment.target import (
+    AddTarget,
+    CalcDesiredPose,
+    FindTargetMesh,
+    LoadSolid,
+    WarnOutside,
+)
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import (
-    POSE_COORDINATES,
     Matcher,
     NearStart,
     OneStepGaTracker,
@@ -29,10 +30,8 @@ from mffdrake.recognition import (
     Start,
     StereoCamera,
 )
-from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.models import ConfigureParser
 from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
 from mffdrake.systems.predictor import MffPredictor
@@ -41,9 +40,7 @@ from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 from mffdrake.systems.timing import Timing
 
-__all__ = ["CalcDesiredPose", "MakeHandEyeDiagram", "MakeTracker"]
-
-_log = logging.getLogger("mffdrake")
+__all__ = ["MakeHandEyeDiagram", "MakeTracker"]
 
 
 def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:
@@ -102,10 +99,10 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     )
     arm_instance = AddPa10(plant)
     AddCameraFrames(plant, p_EC=p_EC, baseline=baseline)
-    target = _AddTarget(plant, scenario)
+    target = AddTarget(plant, scenario)
     plant.Finalize()
     plant.SetDefaultPositions(path.value(0.0).reshape(-1))
-    mesh = _FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
 
     source = AddHandPathSource(builder, path)
     controller = builder.AddNamedSystem(
@@ -137,9 +134,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         renderer=_AddRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
-    solid = _LoadSolid(mesh, scenario)
+    solid = LoadSolid(mesh, scenario)
     tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
-    _WarnOutside(scenario, solid, camera)
+    WarnOutside(scenario, solid, camera)
     recognizer = builder.AddNamedSystem(
         "recognizer", OneStepGaRecognizer(tracker=tracker, timing=timing)
     )
@@ -216,50 +213,6 @@ def MakeTracker(
     )
 
 
-def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
-    """The target's pose in the right camera when the hand is where the path wants it.
-
-    Args:
-        scenario: The scenario.
-        time: Time [s].
-
-    Returns:
-        The pose vector, shape (6,).
-    """
-    X_WC = scenario.hand_path.Make().CalcHandPose(time) @ RigidTransform(scenario.camera.p_EC)
-    X_CM = X_WC.InvertAndCompose(scenario.target.X_WM.GetDeterministicValue())
-    return pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
-
-
-def _FindTargetMesh(
-    scene_graph: SceneGraph, plant: MultibodyPlant, target: Body, name: str
-) -> Path:
-    """The file of the very mesh that the renderers draw for a body."""
-    inspector = scene_graph.model_inspector()
-    frame = plant.GetBodyFrameIdOrThrow(target.index())
-    visuals = inspector.GetGeometries(frame, Role.kPerception)
-    shapes = [inspector.GetShape(geometry) for geometry in visuals]
-    if len(shapes) != 1 or not isinstance(shapes[0], Mesh):
-        raise ScenarioError(
-            f"target.model {name}: body '{target.name()}' must have exactly one visual, a mesh"
-        )
-    if not np.allclose(shapes[0].scale3(), 1.0):
-        raise ScenarioError(
-            f"target.model {name}: the mesh must have scale 1, not {shapes[0].scale3()}; scale its "
-            "vertices instead"
-        )
-    if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
-        raise ScenarioError(f"target.model {name}: the mesh must lie at the body's origin")
-    return Path(shapes[0].source().path())
-
-
-def _LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
-    try:
-        return SolidModel.from_mesh_file(mesh)
-    except ValueError as error:
-        raise ScenarioError(f"target.model {scenario.target.model}: {error}") from error
-
-
 def _MakeCamera(scenario: Scenario) -> StereoCamera:
     config = scenario.camera
     return StereoCamera.from_fov(
@@ -268,36 +221,6 @@ def _MakeCamera(scenario: Scenario) -> StereoCamera:
         fov_y=np.radians(config.fov_y_deg),
         baseline=config.baseline,
     )
-
-
-def _AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
-    """Adds the target's model, welded to the world at X_WM."""
-    model = scenario.target.model
-    num_joints = plant.num_joints()
-    parser = Parser(plant)
-    ConfigureParser(parser)
-    try:
-        if model.startswith("package://"):
-            (instance,) = parser.AddModelsFromUrl(model)
-        else:
-            (instance,) = parser.AddModels(model)
-    except (RuntimeError, ValueError, NotImplementedError) as error:
-        reason = " ".join(str(error).split())
-        raise ScenarioError(f"target.model '{model}' cannot be loaded: {reason}") from error
-    bodies = plant.GetBodyIndices(instance)
-    if len(bodies) != 1:
-        raise ScenarioError(
-            f"target.model '{model}' must be one rigid body, but has {len(bodies)} bodies"
-        )
-    if plant.num_joints() > num_joints:
-        raise ScenarioError(
-            f"target.model '{model}' must be free: neither static nor joined to the world; "
-            "target.X_WM tells where it is"
-        )
-    body = plant.get_body(bodies[0])
-    X_WM = scenario.target.X_WM.GetDeterministicValue()
-    plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WM)
-    return body
 
 
 def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
@@ -321,32 +244,3 @@ def _MakeController(config: ControllerConfig, arm: MultibodyPlant, timing: Timin
         effort_limit=arm.GetEffortUpperLimits(),
         timing=timing,
     )
-
-
-def _WarnOutside(scenario: Scenario, solid: SolidModel, camera: StereoCamera) -> None:
-    """Warns where the target leaves the search range or the images on the desired path."""
-    search_range = scenario.recognizer.MakeCoding().search_range
-    times = np.linspace(0.0, scenario.duration, 201)
-    poses = np.array([CalcDesiredPose(scenario, t) for t in times])
-    for k, name in enumerate(POSE_COORDINATES):
-        least, greatest = search_range.lower[k], search_range.upper[k]
-        low, high = poses[:, k].min(), poses[:, k].max()
-        if low < least or high > greatest:
-            unit = " m" if k < 3 else ""
-            _log.warning(
-                "target outside the search range: on the hand's path its %s in the camera is "
-                "between %.3f and %.3f%s, but recognizer.search_range.%s is [%g, %g]",
-                name, low, high, unit, name, least, greatest,
-            )  # fmt: skip
-    R_CM, p_CM = transform_from_pose(poses)
-    p_CV = solid.vertices @ np.swapaxes(R_CM, 1, 2) + p_CM[:, None]
-    margin = np.array([0.5, 0.5])
-    size = np.array([camera.width, camera.height])
-    for side, pixels in zip(("right", "left"), camera.project(p_CV), strict=True):
-        inside = (p_CV[..., 2] > 0) & np.all((pixels > -margin) & (pixels < size - margin), axis=-1)
-        if not inside.all():
-            _log.warning(
-                "target outside the image: on the hand's path parts of it leave the %s camera's "
-                "view, so that its fitness stays below 1",
-                side,
-            )

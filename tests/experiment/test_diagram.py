@@ -14,9 +14,10 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import Simulator
 
-from mffdrake.experiment.diagram import CalcDesiredPose, MakeHandEyeDiagram
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.scenario import LoadScenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition.pose import pose_from_transform
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 from mffdrake.systems.models import FindModelsPath

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.diagram import CalcDesiredPose, MakeHandEyeDiagram
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
@@ -22,6 +22,7 @@ from mffdrake.experiment.plotting import (
 )
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.target import CalcDesiredPose
 
 COORDINATES = ["x [mm]", "y [mm]", "z [mm]", "eps1", "eps2", "eps3"]
 TIME = 0.033 * np.arange(300)

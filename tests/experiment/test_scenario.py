@@ -13,8 +13,8 @@ import yaml
 from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 
-from mffdrake.experiment.diagram import CalcDesiredPose
 from mffdrake.experiment.scenario import METHODS, LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import (
     GeneCoding,
     GeneticParameters,

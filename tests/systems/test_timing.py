@@ -7,8 +7,9 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from mffdrake.experiment.diagram import CalcDesiredPose, MakeHandEyeDiagram, MakeTracker
+from mffdrake.experiment.diagram import MakeHandEyeDiagram, MakeTracker
 from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import Generation, SolidModel
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.timing import Timing
