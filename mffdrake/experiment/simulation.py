@@ -110,7 +110,7 @@ def Simulate(
 
     Args:
         scenario: What to simulate.
-        diagram: The scenario's diagram, where it is built already.
+        diagram: The diagram of this very scenario, where it is built already.
         on_frame: Called after every frame with its simulated time and the wall time so far [s].
 
     Returns:
