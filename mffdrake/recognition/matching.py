@@ -21,7 +21,9 @@ class MatchingParameters:
 
     Attributes:
         hue_tolerance_deg: Largest difference of hue, around the color circle [deg].
-        min_saturation: Least saturation (0 to 1) of a pixel that has a hue; grey has none.
+        min_saturation: Least saturation (0 to 1) of a pixel that has a hue; grey has none. At 0.62
+            a pixel at the border of a bright color and a medium grey background has a hue when about
+            half of it is covered, so that borders lie where they are.
         min_value: Least value, i.e. brightness (0 to 1), of a pixel that has a hue.
         min_cosine: A face is visible above this cosine between its normal and the line from its
             center to the camera. Keep it below 0.05: a larger one makes it pay for the search to
@@ -36,10 +38,10 @@ class MatchingParameters:
     """
 
     hue_tolerance_deg: float = 20.0
-    min_saturation: float = 0.5
+    min_saturation: float = 0.62
     min_value: float = 0.2
     min_cosine: float = 0.0
-    min_border_distance: float = 1.0
+    min_border_distance: float = 0.8
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

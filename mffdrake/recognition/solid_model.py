@@ -202,8 +202,8 @@ class SamplingParameters:
     """
 
     spacing: float = 0.020
-    margin: float | None = 0.002
-    strip_offsets: tuple[float, ...] = (0.002, 0.006, 0.020)
+    margin: float | None = 0.0015
+    strip_offsets: tuple[float, ...] = (0.0015, 0.006, 0.020)
 
     def __post_init__(self) -> None:
         """Checks that every length is positive."""
