@@ -381,7 +381,7 @@ def test_carrying_the_population_along_keeps_the_lock_on_a_moving_camera(seed):
             (position_error(with_feedforward.best, truth), position_error(without.best, truth))
         )
     fitness, errors = np.array(fitness), np.array(errors)
-    assert fitness[:, 0].min() > 0.98
+    assert fitness[:, 0].min() > 0.93
     assert errors[:, 0].max() < 0.005
     assert fitness[:, 1].mean() < 0.7
     assert errors[:, 1].mean() > 5 * errors[:, 0].mean()
