@@ -22,8 +22,8 @@ class MatchingParameters:
     Attributes:
         hue_tolerance_deg: Largest difference of hue, around the color circle [deg].
         min_saturation: Least saturation (0 to 1) of a pixel that has a hue; grey has none. At 0.62
-            a pixel at the border of a bright color and a medium grey background has a hue when about
-            half of it is covered, so that borders lie where they are.
+            a pixel on the border between a bright color and medium grey has a hue when about half
+            of it is covered, so that borders lie where they are.
         min_value: Least value, i.e. brightness (0 to 1), of a pixel that has a hue.
         min_cosine: A face is visible above this cosine between its normal and the line from its
             center to the camera. Keep it below 0.05: a larger one makes it pay for the search to
