@@ -218,7 +218,7 @@ def test_recording_leaves_the_recognizers_whole_state_as_in_a_plain_simulation(
 def test_the_recognized_pose_comes_near_the_true_one(result):
     error = np.linalg.norm((result.recognized_pose - result.true_pose)[:, :3], axis=1)
     assert np.all((result.fitness >= 0.0) & (result.fitness <= 1.0))
-    assert error[-1] < 0.1
+    assert error[-1] < 0.2
 
 
 # The same seed, the same numbers.

@@ -161,8 +161,8 @@ class HandEye:
         AddFlatRenderer(scene_graph)
         AddRenderer(scene_graph, "vtk")
         self.port = scene_graph.get_query_output_port()
-        diagram = builder.Build()
-        self.context = diagram.CreateDefaultContext()
+        self.diagram = builder.Build()  # Ports and contexts alone do not keep it alive.
+        self.context = self.diagram.CreateDefaultContext()
         self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
         self.scene_context = scene_graph.GetMyContextFromRoot(self.context)
         self.world = scene_graph.world_frame_id()
