@@ -41,8 +41,8 @@ class Scene:
             renderer=AddRenderer(scene_graph, renderer),
         )
         self._port = stereo.GetOutputPort("color_image_right")
-        diagram = builder.Build()
-        context = diagram.CreateDefaultContext()
+        self._diagram = builder.Build()  # Ports and contexts alone do not keep it alive.
+        context = self._diagram.CreateDefaultContext()
         self.plant_context = self.plant.GetMyMutableContextFromRoot(context)
         self._stereo_context = stereo.GetMyContextFromRoot(context)
 
