@@ -91,7 +91,7 @@ def _LoadScenario(options: argparse.Namespace) -> Scenario:
 
 
 def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
-    diagram, result = _SimulateWithReplay(options, scenario)
+    diagram, result = _SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
     row = Evaluate(result)
     result.Save(folder / "result.npz")
     WriteResults([row], folder)
@@ -106,20 +106,20 @@ def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
     _SayWhere(folder)
 
 
-def _SimulateWithReplay(
-    options: argparse.Namespace, scenario: Scenario
+def _SimulateOne(
+    scenario: Scenario, *, graphviz: str | None = None, replay: str | None = None
 ) -> tuple[Diagram, SimulationResult]:
     """One simulation with a progress bar, drawn and recorded where that is wanted."""
-    meshcat = Meshcat() if options.replay else None
+    meshcat = Meshcat() if replay else None
     diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)
-    if options.graphviz:
-        SaveDiagram(diagram, options.graphviz)
+    if graphviz:
+        SaveDiagram(diagram, graphviz)
     if meshcat is not None:
         meshcat.StartRecording(set_visualizations_while_recording=False)
     with _TimeBar(scenario.duration) as on_frame:
         result = Simulate(scenario, diagram=diagram, on_frame=on_frame)
-    if meshcat is not None:
-        SaveReplay(meshcat, options.replay)
+    if meshcat is not None and replay is not None:
+        SaveReplay(meshcat, replay)
     return diagram, result
 
 
@@ -154,8 +154,7 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         SaveFigure(PlotHandPath(chosen[0]), folder / f"hand_path_{omega:g}.png")
         SaveFigure(PlotPose(chosen), folder / f"pose_{omega:g}.png")
     if options.replay:
-        options.graphviz = None
-        _SimulateWithReplay(options, variants[-1])
+        _SimulateOne(variants[-1], replay=options.replay)
     print(MarkdownTable(rows))
     _SayWhere(folder)
 
