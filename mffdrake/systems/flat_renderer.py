@@ -116,19 +116,22 @@ class FlatRenderEngine(RenderEngine):
 
     def DoRenderColorImage(self, camera: ColorRenderCamera, color_image_out: ImageRgba8U) -> None:
         """Draws the diffuse colors."""
-        image = color_image_out.mutable_data.view(np.uint32)[..., 0]
+        image = _Pixels(color_image_out, np.uint32)
+        del color_image_out  # see _Pixels
         image.fill(_GREY)
         self._Draw(camera.core(), self._GetScene().colors, _NO_COLOR, image)
 
     def DoRenderLabelImage(self, camera: ColorRenderCamera, label_image_out: ImageLabel16I) -> None:
         """Draws the labels; RenderLabel.kEmpty where there is nothing."""
-        image = label_image_out.mutable_data[..., 0]
+        image = _Pixels(label_image_out, np.int16)
+        del label_image_out  # see _Pixels
         image.fill(_EMPTY)
         self._Draw(camera.core(), self._GetScene().labels, _DO_NOT_RENDER, image)
 
     def DoRenderDepthImage(self, camera: DepthRenderCamera, depth_image_out: ImageDepth32F) -> None:
         """Draws the depths along the line of sight [m]; 0 where too close, infinity too far."""
-        image = depth_image_out.mutable_data[..., 0]
+        image = _Pixels(depth_image_out, np.float32)
+        del depth_image_out  # see _Pixels
         inverse_depth, rectangle = self._Draw(camera.core(), None, 0, None)
         depths, far = camera.depth_range(), camera.core().clipping().far()
         _rasterizer.convert_depth(
@@ -168,6 +171,20 @@ class FlatRenderEngine(RenderEngine):
             inverse_depth, image,
         )  # fmt: skip
         return inverse_depth, rectangle
+
+
+def _Pixels(image: ImageRgba8U | ImageDepth32F | ImageLabel16I, dtype: type) -> NDArray[Any]:
+    """An image's memory as an array (height, width), valid for as long as Drake keeps the image.
+
+    Unlike `mutable_data`, the array does not keep pydrake's image object alive, nor must a local
+    variable: what a kernel's first call leaves for the garbage collector holds its arguments and
+    its callers' variables. Were the image object among them, pydrake would take it for the next
+    image at that address, one on the stack and gone: "negative dimensions are not allowed".
+    """
+    size = image.height() * image.width()
+    item = np.ctypeslib.as_ctypes_type(dtype)
+    memory = (item * size).from_address(image.mutable_data.ctypes.data)
+    return np.ctypeslib.as_array(memory).reshape(image.height(), image.width())
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,10 @@
 """The flat renderer draws what VTK draws, on the same pixels, and keeps nothing but its state."""
 
 import math
+import os
+import subprocess
+import sys
+import textwrap
 from types import SimpleNamespace
 
 import cv2
@@ -210,6 +214,39 @@ def test_contexts_are_independent(hand_eye):
     other.scene_context = hand_eye.port.get_system().GetMyContextFromRoot(root)
     assert np.any(HandEye.photograph(other, "flat", X_WC).label != before.label)
     np.testing.assert_array_equal(hand_eye.photograph("flat", X_WC).color, before.color)
+
+
+def test_images_outlive_a_first_call_that_compiles(tmp_path):
+    """Its leftovers, until collected, must not hold on to Drake's images (see _Pixels)."""
+    code = """
+        import gc
+        from pydrake.geometry import (
+            Box, ClippingRange, ColorRenderCamera, GeometryInstance, RenderCameraCore, SceneGraph,
+        )
+        from pydrake.math import RigidTransform
+        from pydrake.systems.sensors import CameraInfo
+        from mffdrake.systems.flat_renderer import AddFlatRenderer
+
+        gc.disable()
+        scene_graph = SceneGraph()
+        box = GeometryInstance(RigidTransform([0.0, 0.0, 1.0]), Box(0.2, 0.2, 0.2), "box")
+        scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), box)
+        AddFlatRenderer(scene_graph)
+        query = scene_graph.get_query_output_port().Eval(scene_graph.CreateDefaultContext())
+        info, clipping = CameraInfo(320, 240, 1.0), ClippingRange(0.1, 5.0)
+        core = RenderCameraCore("flat", info, clipping, RigidTransform())
+        where = scene_graph.world_frame_id(), RigidTransform()
+        for _ in range(2):
+            print(query.RenderColorImage(ColorRenderCamera(core, False), *where).data.shape)
+    """
+    finished = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},  # so that it does compile
+        capture_output=True,
+        text=True,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.splitlines() == 2 * ["(240, 320, 4)"]
 
 
 # Each shape alone.
