@@ -1,8 +1,9 @@
-"""Compiled kernels (numba). Import this module only where they run: numba takes time to load."""
+"""The compiled fitness kernel (numba). Import only where it runs: numba takes time to load."""
 
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
@@ -11,70 +12,87 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
-
-_SIXTY_DEGREES = math.pi / 3.0
-
-
-@njit(cache=True)
-def pixel_hue(
-    red: np.uint8, green: np.uint8, blue: np.uint8, min_saturation: float, min_value: float
-) -> float:
-    """Hue [rad] of an 8-bit pixel, or -1 where saturation or value is too low to have one."""
-    high = max(red, green, blue)
-    low = min(red, green, blue)
-    chroma = float(high) - float(low)
-    if chroma <= 0.0 or chroma < min_saturation * high or high < 255.0 * min_value:
-        return -1.0
-    r, g, b = float(red), float(green), float(blue)
-    if high == red:
-        hue = (g - b) / chroma
-        if hue < 0.0:
-            hue += 6.0
-    elif high == green:
-        hue = 2.0 + (b - r) / chroma
-    else:
-        hue = 4.0 + (r - g) / chroma
-    return _SIXTY_DEGREES * hue
+Pose: TypeAlias = tuple[float, ...]
+"""A rotation matrix, row by row, and a position: twelve numbers."""
 
 
-@njit(cache=True)
-def _has_hue(hue: float, wanted: float, tolerance: float) -> bool:
-    """Whether a pixel's hue is within the tolerance of the wanted one, around the circle."""
-    if hue < 0.0:
-        return False
-    difference = abs(hue - wanted)
-    return min(difference, 2.0 * math.pi - difference) <= tolerance
-
-
-@njit(cache=True)
-def _hue_seen(
-    image: Image,
-    x: float,
-    y: float,
-    z: float,
-    focal_length: float,
+@njit(cache=True, error_model="numpy")
+def _shows_hue(
+    red: np.uint8,
+    green: np.uint8,
+    blue: np.uint8,
+    hues: Array,
+    hue_tolerance: float,
     min_saturation: float,
     min_value: float,
-) -> float:
-    """Hue [rad] of the pixel on which a point in a camera's frame falls, or -1 for none."""
-    if z <= 0.0:
-        return -1.0
-    height, width = image.shape[0], image.shape[1]
-    # Eq. (15), (17); rounding finds the pixel, whose center is a whole number.
-    u = math.floor(focal_length * x / z + 0.5 * width)
-    v = math.floor(focal_length * y / z + 0.5 * height)
-    if u < 0 or u >= width or v < 0 or v >= height:
-        return -1.0
-    pixel = image[int(v), int(u)]
-    hue: float = pixel_hue(pixel[0], pixel[1], pixel[2], min_saturation, min_value)
-    return hue
+) -> bool:
+    """Whether an 8-bit pixel has one of some hues.
+
+    Hues and their tolerance are in sixths of the color circle. Everything is multiplied by the
+    pixel's chroma, which spares the division.
+    """
+    high = float(max(red, green, blue))
+    chroma = high - float(min(red, green, blue))
+    if chroma <= 0.0 or chroma < min_saturation * high or high < 255.0 * min_value:
+        return False
+    r, g, b = float(red), float(green), float(blue)
+    if high == r:
+        hue = g - b
+    elif high == g:
+        hue = 2.0 * chroma + b - r
+    else:
+        hue = 4.0 * chroma + r - g
+    for wanted in hues:
+        difference = abs(hue - wanted * chroma)
+        # Around the circle
+        if min(difference, abs(6.0 * chroma - difference)) <= hue_tolerance * chroma:
+            return True
+    return False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _count_matches(
+    a: Array,
+    b: Array,
+    c: Array,
+    pose: Pose,
+    pixels: Image,
+    width: int,
+    height: int,
+    focal_length: float,
+    hues: Array,
+    hue_tolerance: float,
+    min_saturation: float,
+    min_value: float,
+    scratch: IntArray,
+) -> int:
+    """Number of points (a, b, c) in the target's frame that fall on a pixel of one of some hues."""
+    R00, R01, R02, R10, R11, R12, R20, R21, R22, x, y, z = pose
+    for j in range(len(a)):  # without branches, for the compiler to take several points at once
+        depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + z
+        scale = focal_length / depth
+        # Eq. (15), (17); rounding finds the pixel, whose center is a whole number.
+        u = math.floor((R00 * a[j] + R01 * b[j] + R02 * c[j] + x) * scale + 0.5 * width)
+        v = math.floor((R10 * a[j] + R11 * b[j] + R12 * c[j] + y) * scale + 0.5 * height)
+        seen = (depth > 0.0) & (u >= 0.0) & (u < width) & (v >= 0.0) & (v < height)
+        scratch[j] = int(v * width + u) if seen else -1
+    matches = 0
+    for j in range(len(a)):
+        if scratch[j] >= 0:
+            pixel = pixels[scratch[j]]
+            matches += _shows_hue(
+                pixel[0], pixel[1], pixel[2], hues, hue_tolerance, min_saturation, min_value
+            )
+    return matches
+
+
+@njit(cache=True, error_model="numpy")
 def fitness_of_poses(
     poses: Array,
-    image_right: Image,
-    image_left: Image,
+    pixels_right: Image,
+    pixels_left: Image,
+    width: int,
+    height: int,
     focal_length: float,
     baseline: float,
     inside_points: Array,
@@ -84,13 +102,14 @@ def fitness_of_poses(
     side_directions: Array,
     normals: Array,
     centers: Array,
-    hues: Array,
+    face_hues: Array,
     edge_points: Array,
     edge_start: IntArray,
     edge_directions: Array,
     edge_faces: IntArray,
     strip_offsets: Array,
     body_center: Array,
+    model_hues: Array,
     hue_tolerance: float,
     min_saturation: float,
     min_value: float,
@@ -100,13 +119,19 @@ def fitness_of_poses(
     """Fitness (22) of many poses.
 
     The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
-    `SolidModel` and `MatchingParameters`.
+    `SolidModel` and `MatchingParameters`, but for these: images are lists of pixels, shape
+    (height * width, 3 or 4); the points are transposed, shape (3, number); ``model_hues`` are the
+    hues that occur, ``face_hues`` those of the faces; hues are in sixths of the color circle.
     """
     num_faces, num_edges = len(normals), len(edge_directions)
+    nearest = np.array([distances.min() for distances in inside_distances])
     most_sides = inside_distances.shape[1]
     visible = np.empty(num_faces, dtype=np.bool_)
     least = np.zeros(most_sides)
     inward = np.zeros((most_sides, 3))
+    most_points = max(inside_points.shape[1], edge_points.shape[1] * len(strip_offsets))
+    moved = np.empty((3, most_points))
+    scratch = np.empty(most_points, dtype=np.int64)
     fitness = np.zeros(len(poses))
     for i in range(len(poses)):
         x, y, z, e1, e2, e3 = poses[i]
@@ -128,9 +153,10 @@ def fitness_of_poses(
         )
         total = 0.0
         for camera in range(2):
-            image = image_right if camera == 0 else image_left
+            pixels = pixels_right if camera == 0 else pixels_left
             # Eq. (16): the left camera sees everything shifted by the baseline.
             rx = x if camera == 0 else x + baseline
+            pose = (R00, R01, R02, R10, R11, R12, R20, R21, R22, rx, y, z)
             # The camera's center in the target's frame tells which faces look at it.
             ox = -(R00 * rx + R10 * y + R20 * z)
             oy = -(R01 * rx + R11 * y + R21 * z)
@@ -157,22 +183,20 @@ def fitness_of_poses(
                     norm = math.sqrt(nx * nx + ny * ny + nz * nz)
                     across = abs(mx * nx + my * ny + mz * nz)
                     depth = R20 * a + R21 * b + R22 * c + z
+                    least[s] = 0.0
                     if across > 0.0:
                         least[s] = min_border_distance * depth * norm / (focal_length * across)
-                    else:
-                        least[s] = 0.0
+                greatest = least.max()
+                kept = 0
                 for j in range(inside_start[k], inside_start[k + 1]):
-                    a, b, c = inside_points[j]
-                    moved = False
-                    for s in range(most_sides):
-                        gap = least[s] - inside_distances[j, s]
-                        if gap > 0.0:
+                    a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
+                    if nearest[j] < greatest:
+                        for s in range(most_sides):
+                            gap = max(0.0, least[s] - inside_distances[j, s])
                             a += gap * inward[s, 0]
                             b += gap * inward[s, 1]
                             c += gap * inward[s, 2]
-                            moved = True
-                    if moved:  # Where the face is too narrow, the point is now beyond another side.
-                        clear = True
+                        clear = True  # Where the face is too narrow, it now is beyond another side.
                         for s in range(most_sides):
                             if inside_distances[j, s] < np.inf:
                                 distance = (
@@ -183,22 +207,22 @@ def fitness_of_poses(
                                 clear = clear and distance > (1.0 - 1e-9) * least[s]
                         if not clear:
                             continue
-                    count += 1
-                    hue = _hue_seen(
-                        image,
-                        R00 * a + R01 * b + R02 * c + rx,
-                        R10 * a + R11 * b + R12 * c + y,
-                        R20 * a + R21 * b + R22 * c + z,
-                        focal_length, min_saturation, min_value,
-                    )  # fmt: skip
-                    if _has_hue(hue, hues[k], hue_tolerance):
-                        matches += 1
+                    moved[0, kept], moved[1, kept], moved[2, kept] = a, b, c
+                    kept += 1
+                count += kept
+                matches += _count_matches(
+                    moved[0, :kept], moved[1, :kept], moved[2, :kept], pose,
+                    pixels, width, height, focal_length,
+                    face_hues[k : k + 1], hue_tolerance, min_saturation, min_value, scratch,
+                )  # fmt: skip
             # The strip S_out: outside the edges between a visible and a hidden face.
+            kept = 0
             for k in range(num_edges):
                 if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
                     continue
                 # Perpendicular to the edge and to the line of sight (in M), away from the body.
-                a, b, c = edge_points[edge_start[k]]
+                first = edge_start[k]
+                a, b, c = edge_points[0, first], edge_points[1, first], edge_points[2, first]
                 sx, sy, sz = a - ox, b - oy, c - oz
                 dx, dy, dz = edge_directions[k]
                 nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
@@ -213,24 +237,19 @@ def fitness_of_poses(
                 nx, ny, nz = nx / norm, ny / norm, nz / norm
                 depth = R20 * a + R21 * b + R22 * c + z
                 least_offset = min_border_distance * depth / focal_length
-                for j in range(edge_start[k], edge_start[k + 1]):
-                    for strip_offset in strip_offsets:
-                        offset = max(strip_offset, least_offset)
-                        a = edge_points[j, 0] + offset * nx
-                        b = edge_points[j, 1] + offset * ny
-                        c = edge_points[j, 2] + offset * nz
-                        hue = _hue_seen(
-                            image,
-                            R00 * a + R01 * b + R02 * c + rx,
-                            R10 * a + R11 * b + R12 * c + y,
-                            R20 * a + R21 * b + R22 * c + z,
-                            focal_length, min_saturation, min_value,
-                        )  # fmt: skip
-                        # Any hue of the model, hidden faces' too, and once a point.
-                        for wanted in hues:
-                            if _has_hue(hue, wanted, hue_tolerance):
-                                matches -= 1
-                                break
+                for strip_offset in strip_offsets:
+                    offset = max(strip_offset, least_offset)
+                    for j in range(edge_start[k], edge_start[k + 1]):
+                        moved[0, kept] = edge_points[0, j] + offset * nx
+                        moved[1, kept] = edge_points[1, j] + offset * ny
+                        moved[2, kept] = edge_points[2, j] + offset * nz
+                        kept += 1
+            # Any hue of the model, hidden faces' too, and once a point.
+            matches -= _count_matches(
+                moved[0, :kept], moved[1, :kept], moved[2, :kept], pose,
+                pixels, width, height, focal_length,
+                model_hues, hue_tolerance, min_saturation, min_value, scratch,
+            )  # fmt: skip
             if count > 0 and matches > 0:
                 total += matches / count  # Eq. (21), at least zero
         fitness[i] = 0.5 * total  # Eq. (22)

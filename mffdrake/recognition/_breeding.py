@@ -1,0 +1,181 @@
+"""Compiled genes and breeding (numba). Import only where it runs: numba takes time to load.
+
+`GeneticAlgorithm` says what a generation is; here is how it is computed, child by child. Arguments
+are the attributes of the same names of `GeneCoding`, `GeneticParameters` and `LocalMoves`; ``top``
+is the greatest value of a gene.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Genes = NDArray[np.int64]
+
+
+@njit(cache=True, error_model="numpy")
+def encode(poses: Array, lower: Array, upper: Array, top: int, gray: bool) -> Genes:
+    """Genes of pose vectors, as whole numbers, shape (N, 6)."""
+    genes = np.empty((len(poses), 6), dtype=np.int64)
+    for n in range(len(poses)):
+        for i in range(6):
+            share = (poses[n, i] - lower[i]) / (upper[i] - lower[i])
+            value = np.int64(np.rint(min(max(share, 0.0), 1.0) * top))
+            genes[n, i] = value ^ (value >> 1) if gray else value
+    return genes
+
+
+@njit(cache=True, error_model="numpy")
+def decode(genes: Genes, lower: Array, upper: Array, top: int, gray: bool) -> Array:
+    """Pose vectors of genes, shape (N, 6)."""
+    poses = np.empty((len(genes), 6))
+    for n in range(len(genes)):
+        for i in range(6):
+            value = genes[n, i]
+            if gray:  # Every bit is the sum, modulo 2, of those from the highest down to it.
+                for shift in (1, 2, 4, 8, 16):
+                    value ^= value >> shift
+            poses[n, i] = lower[i] + value * ((upper[i] - lower[i]) / top)
+        # A wide search range has corners beyond the unit sphere, where there are no rotations.
+        norm = math.sqrt(poses[n, 3] ** 2 + poses[n, 4] ** 2 + poses[n, 5] ** 2)
+        if norm > 1.0:
+            poses[n, 3:] /= norm
+    return poses
+
+
+@njit(cache=True)
+def draw_genes(count: int, top: int, rng: np.random.Generator) -> Genes:
+    """Genes drawn evenly, shape (count, 6)."""
+    genes = np.empty((count, 6), dtype=np.int64)
+    for n in range(count):
+        for i in range(6):
+            genes[n, i] = rng.integers(0, top + 1)
+    return genes
+
+
+@njit(cache=True)
+def cross_and_mutate(
+    parents: Genes, count: int, bits: int, mutation_probability: float, rng: np.random.Generator
+) -> Genes:
+    """Two-point crossover of random parents, then mutation of single bits, Eq. (27)."""
+    children = np.empty((count, 6), dtype=np.int64)
+    for n in range(count):
+        mother = parents[rng.integers(0, len(parents))]
+        father = parents[rng.integers(0, len(parents))]
+        # Cuts lie between the bits of the whole string, the most significant bit of x first.
+        one, other = rng.integers(0, 6 * bits + 1), rng.integers(0, 6 * bits + 1)
+        first, last = min(one, other), max(one, other)
+        for i in range(6):
+            from_father, flipped = 0, 0
+            for position in range(i * bits, (i + 1) * bits):
+                from_father = (from_father << 1) | int(first <= position < last)
+                flipped = (flipped << 1) | int(rng.random() < mutation_probability)
+            children[n, i] = ((mother[i] & ~from_father) | (father[i] & from_father)) ^ flipped
+    return children
+
+
+@njit(cache=True)
+def _dot(a: Array, b: Array) -> float:
+    """Scalar product; numba's own needs SciPy."""
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
+
+
+@njit(cache=True)
+def _rotate(eta: float, e: Array, v: Array) -> Array:
+    """A vector rotated by the unit quaternion (eta, e)."""
+    t = 2.0 * np.cross(e, v)
+    return v + eta * t + np.cross(e, t)
+
+
+@njit(cache=True, error_model="numpy")
+def draw_local_moves(
+    pose: Array,
+    count: int,
+    pivots: Array,
+    p_CS: Array,
+    depth: float,
+    shift: float,
+    rotation: float,
+    decades: float,
+    sparsity: float,
+    rng: np.random.Generator,
+) -> Array:
+    """Poses around one, see `LocalMoves`; ``rotation`` in rad."""
+    poses = np.empty((count, 6))
+    step = np.empty(7)
+    r, eps = pose[:3], pose[3:]
+    eta = math.sqrt(max(0.0, 1.0 - _dot(eps, eps)))
+    sight = r - p_CS
+    sight = sight / math.sqrt(_dot(sight, sight))
+    for n in range(count):
+        size = 10.0 ** (-decades * rng.random())
+        for i in range(7):
+            number = size * rng.standard_normal()
+            step[i] = number if rng.random() >= sparsity else 0.0
+        # A rotation vector's half is the quaternion's vector part, to first order.
+        turn = 0.5 * rotation * step[:3]
+        turn = turn / max(1.0, math.sqrt(_dot(turn, turn)))
+        turn_eta = math.sqrt(max(0.0, 1.0 - _dot(turn, turn)))
+        arm = _rotate(eta, eps, pivots[rng.integers(0, len(pivots))])
+        turned = r + arm - _rotate(turn_eta, turn, arm)
+        poses[n, :3] = turned + depth * step[3] * sight + shift * step[4:]
+        # Product of the two quaternions, with the sign that makes the scalar part positive
+        scalar = turn_eta * eta - _dot(turn, eps)
+        vector = turn_eta * eps + eta * turn + np.cross(turn, eps)
+        poses[n, 3:] = -vector if scalar < 0.0 else vector
+    return poses
+
+
+@njit(cache=True)
+def breed(
+    poses: Array,
+    fitness: Array,
+    num_survivors: int,
+    num_local: int,
+    num_newcomers: int,
+    num_crossed: int,
+    mutation_probability: float,
+    bits: int,
+    lower: Array,
+    upper: Array,
+    top: int,
+    gray: bool,
+    pivots: Array,
+    p_CS: Array,
+    depth: float,
+    shift: float,
+    rotation: float,
+    decades: float,
+    sparsity: float,
+    rng: np.random.Generator,
+) -> Array:
+    """The next generation, Eq. (27), see `GeneticAlgorithm.breed`."""
+    order = np.argsort(-fitness, kind="mergesort")  # stable
+    center, equals = np.zeros((1, 6)), 0
+    for n in range(len(poses)):
+        if fitness[n] == fitness[order[0]]:
+            center[0] += poses[n]
+            equals += 1
+    center /= equals
+    survivors = encode(poses[order[:num_survivors]], lower, upper, top, gray)
+    local = draw_local_moves(
+        center[0], num_local, pivots, p_CS, depth, shift, rotation, decades, sparsity, rng
+    )
+    genes = np.empty((len(poses), 6), dtype=np.int64)
+    start = 0
+    for part in (
+        encode(center, lower, upper, top, gray),
+        encode(local, lower, upper, top, gray),
+        draw_genes(num_newcomers, top, rng),
+        cross_and_mutate(survivors, num_crossed, bits, mutation_probability, rng),
+        survivors,
+    ):
+        genes[start : start + len(part)] = part
+        start += len(part)
+    next_poses: Array = decode(genes, lower, upper, top, gray)
+    return next_poses
