@@ -12,13 +12,18 @@ import importlib
 from typing import Any
 
 _MODULES = {
+    "experiment.cluster": "ClusterError DaskCluster",
     "experiment.comparison": "Compare MakeVariants",
     "experiment.diagram": "MakeHandEyeDiagram",
     "experiment.evaluation": "Evaluate MarkdownTable",
+    "experiment.executors": "InProcess WorkerDiedError",
+    "experiment.grid": "Grid LoadGrid MakeGrid",
+    "experiment.local_processes": "LocalProcesses",
     "experiment.pictures": "DrawCameraView DrawScene SaveDiagram SaveImage",
     "experiment.plotting": "PlotComparison PlotErrors PlotHandPath PlotPose SaveFigure",
     "experiment.scenario": "LoadScenario Scenario ScenarioError",
     "experiment.simulation": "Simulate SimulationResult",
+    "experiment.sweep": "Sweep",
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
         "GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters NearStart "

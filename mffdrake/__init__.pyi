@@ -1,8 +1,16 @@
+from mffdrake.experiment.cluster import ClusterError as ClusterError
+from mffdrake.experiment.cluster import DaskCluster as DaskCluster
 from mffdrake.experiment.comparison import Compare as Compare
 from mffdrake.experiment.comparison import MakeVariants as MakeVariants
 from mffdrake.experiment.diagram import MakeHandEyeDiagram as MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate as Evaluate
 from mffdrake.experiment.evaluation import MarkdownTable as MarkdownTable
+from mffdrake.experiment.executors import InProcess as InProcess
+from mffdrake.experiment.executors import WorkerDiedError as WorkerDiedError
+from mffdrake.experiment.grid import Grid as Grid
+from mffdrake.experiment.grid import LoadGrid as LoadGrid
+from mffdrake.experiment.grid import MakeGrid as MakeGrid
+from mffdrake.experiment.local_processes import LocalProcesses as LocalProcesses
 from mffdrake.experiment.pictures import DrawCameraView as DrawCameraView
 from mffdrake.experiment.pictures import DrawScene as DrawScene
 from mffdrake.experiment.pictures import SaveDiagram as SaveDiagram
@@ -17,6 +25,7 @@ from mffdrake.experiment.scenario import Scenario as Scenario
 from mffdrake.experiment.scenario import ScenarioError as ScenarioError
 from mffdrake.experiment.simulation import Simulate as Simulate
 from mffdrake.experiment.simulation import SimulationResult as SimulationResult
+from mffdrake.experiment.sweep import Sweep as Sweep
 from mffdrake.experiment.visualization import AddMeshcat as AddMeshcat
 from mffdrake.experiment.visualization import PoseEstimateVisualizer as PoseEstimateVisualizer
 from mffdrake.experiment.visualization import SaveReplay as SaveReplay

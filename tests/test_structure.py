@@ -21,7 +21,10 @@ MODULES = [
     for info in pkgutil.walk_packages(mffdrake.__path__, "mffdrake.")
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
-PRINTING = {"experiment/commands.py", "experiment/main.py", "systems/_graphics_probe.py"}
+PRINTING = {
+    "experiment/commands.py", "experiment/main.py", "experiment/sweep_command.py",
+    "systems/_graphics_probe.py",
+}  # fmt: skip
 
 
 def tree(source):

@@ -13,9 +13,11 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 from tqdm import tqdm
 
-from mffdrake.experiment.comparison import Compare, MakeVariants, WorkerDiedError
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.comparison import Compare, MakeVariants
+from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
+from mffdrake.experiment.executors import WorkerDiedError
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
@@ -27,6 +29,9 @@ from mffdrake.experiment.plotting import (
 )
 from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.store import StoreError
+from mffdrake.experiment.sweep import OtherCodeError
+from mffdrake.experiment.sweep_command import RunSweep
 from mffdrake.experiment.visualization import SaveReplay
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
@@ -34,27 +39,36 @@ from mffdrake.systems.inverse_kinematics import UnreachablePathError
 __all__ = ["RunCommand", "UserError"]
 
 
-_USER_ERRORS = (ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError)
+_USER_ERRORS = (
+    ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
+    StoreError, OtherCodeError,
+)  # fmt: skip
 
 
 class UserError(Exception):
     """Something that the person at the command line can mend."""
 
 
-def RunCommand(options: argparse.Namespace) -> None:
+def RunCommand(options: argparse.Namespace) -> int:
     """Runs a command.
 
     Args:
         options: What the command line's parser made of the arguments.
 
+    Returns:
+        The exit status: 0, or 1 when runs of a sweep failed.
+
     Raises:
         UserError: On bad input; the message is for the person who gave it.
     """
     try:
+        if options.command == "sweep":
+            return RunSweep(options)
         _CheckFiles(options)
         scenario = _LoadScenario(options)
         folder = MakeOutputFolder(options.out)
         {"run": _Run, "compare": _Compare}[options.command](options, scenario, folder)
+        return 0
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
         raise UserError(f"{name}{error.strerror or error}") from error
@@ -130,18 +144,21 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         omegas=list(dict.fromkeys(options.omega)),
         num_seeds=options.seeds,
     )
-    # A diagram of every speed is built now, so that bad input shows before any long work.
+    # Every speed is checked now, so that bad input shows before any long work.
     for variant in {variant.hand_path.omega: variant for variant in variants}.values():
         try:
-            diagram = MakeHandEyeDiagram(variant)
+            CheckScenario(variant)
         except UnreachablePathError as error:
             raise UserError(f"omega {variant.hand_path.omega:g} rad/s: {error}") from error
     if options.graphviz:
-        SaveDiagram(diagram, options.graphviz)
+        SaveDiagram(MakeHandEyeDiagram(variants[-1]), options.graphviz)
     # What there is to warn of has been said.
     logging.getLogger("mffdrake").setLevel(logging.ERROR)
     with _RunBar(len(variants)) as on_result:
-        results = Compare(variants, workers=options.workers, on_result=on_result)
+        cluster = DaskCluster(options.scheduler) if options.scheduler else None
+        results = Compare(
+            variants, workers=options.workers or 1, executor=cluster, on_result=on_result
+        )
     rows = [Evaluate(result) for result in results]
     WriteResults(rows, folder, as_csv=True)
     _WriteScenario(scenario, folder)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import logging
-import multiprocessing
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 
+from mffdrake.experiment.executors import Executor, InProcess
+from mffdrake.experiment.fingerprint import CodeFingerprint
+from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.scenario import LoadScenario, Scenario
-from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.experiment.sweep import RunScenario
 
-__all__ = ["Compare", "MakeVariants", "WorkerDiedError"]
-
-
-class WorkerDiedError(RuntimeError):
-    """A process of a comparison ended before its work was done."""
+__all__ = ["Compare", "MakeVariants"]
 
 
 def MakeVariants(
@@ -55,6 +50,7 @@ def Compare(
     scenarios: Sequence[Scenario],
     *,
     workers: int = 1,
+    executor: Executor | None = None,
     on_result: Callable[[SimulationResult], None] | None = None,
 ) -> list[SimulationResult]:
     """Runs scenarios on one or more processes.
@@ -62,6 +58,7 @@ def Compare(
     Args:
         scenarios: What to run.
         workers: Number of processes. The results do not depend on it, except for the times.
+        executor: Where to run them instead.
         on_result: Called after every run.
 
     Returns:
@@ -69,45 +66,20 @@ def Compare(
 
     Raises:
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
-        WorkerDiedError: When a process ended from outside.
+        WorkerDiedError: When a process that works on a run ended from outside, again and again.
+        ClusterError: When a cluster cannot be reached (any more).
     """
-    notify = on_result or (lambda result: None)
+    if executor is None:
+        count = min(workers, len(scenarios))
+        executor = LocalProcesses(count) if count > 1 else InProcess()
+    code = CodeFingerprint()
     results: dict[int, SimulationResult] = {}
-    if workers == 1:
-        for k, scenario in enumerate(scenarios):
-            results[k] = Simulate(scenario)
-            notify(results[k])
-        return list(results.values())
-    # Fresh processes: a forked copy of a process that has rendered would share its graphics state.
-    context = multiprocessing.get_context("spawn")
-    count = min(workers, len(scenarios))
-    level = logging.getLogger("mffdrake").getEffectiveLevel()
-    with ProcessPoolExecutor(
-        count, mp_context=context, initializer=_StartWorker, initargs=(level,)
-    ) as pool:
-        jobs = {pool.submit(_Run, scenario.Dump()): k for k, scenario in enumerate(scenarios)}
-        try:
-            for job in as_completed(jobs):
-                results[jobs[job]] = job.result()
-                notify(job.result())
-        except BrokenProcessPool as error:
-            raise WorkerDiedError(
-                "a worker process died, for lack of memory perhaps; run again with fewer workers"
-            ) from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                process.terminate()
-            raise
+    with executor:
+        arguments = [(scenario.Dump(), code) for scenario in scenarios]
+        for outcome in executor.Run(RunScenario, arguments):
+            if outcome.exception is not None:
+                raise outcome.exception
+            results[outcome.index] = outcome.value
+            if on_result is not None:
+                on_result(outcome.value)
     return [results[k] for k in range(len(scenarios))]
-
-
-def _StartWorker(log_level: int) -> None:
-    """Logs like the parent, and ends on Ctrl-C without a word, which is the parent's to say."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    logging.getLogger("mffdrake").setLevel(log_level)
-
-
-def _Run(scenario: str) -> SimulationResult:
-    """Runs a scenario given as YAML, which travels between processes as text."""
-    return Simulate(LoadScenario(text=scenario))

@@ -40,7 +40,31 @@ from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 from mffdrake.systems.timing import Timing
 
-__all__ = ["MakeHandEyeDiagram", "MakeTracker"]
+__all__ = ["CheckScenario", "MakeHandEyeDiagram", "MakeTracker"]
+
+
+def CheckScenario(scenario: Scenario) -> None:
+    """Finds what `MakeHandEyeDiagram` would complain or warn of, except for the graphics, faster.
+
+    Args:
+        scenario: What to check.
+
+    Raises:
+        ScenarioError: When a value is out of range or the target cannot be used.
+        UnreachablePathError: When the arm cannot follow the path.
+
+    Example:
+        >>> CheckScenario(Scenario(duration=1.0))
+    """
+    scenario.Validate()
+    SolveHandPath(MakePa10Plant(), scenario.hand_path.Make(), duration=scenario.duration)
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(time_step=scenario.timing.control_period), DiagramBuilder()
+    )
+    target = AddTarget(plant, scenario)
+    plant.Finalize()
+    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    WarnOutside(scenario, LoadSolid(mesh, scenario), _MakeCamera(scenario))
 
 
 def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:

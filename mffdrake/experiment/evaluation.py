@@ -18,10 +18,22 @@ from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.pose import rotation_angle
 
-__all__ = ["SETTLED_AFTER", "Evaluate", "MarkdownTable", "Medians", "Versions", "WriteResults"]
+__all__ = [
+    "RMS_ERRORS",
+    "SETTLED_AFTER",
+    "Evaluate",
+    "FlattenRow",
+    "MarkdownTable",
+    "Medians",
+    "Versions",
+    "WriteResults",
+]
 
 SETTLED_AFTER = 5.0
 """Settled figures leave out the frames before this time [s]: a random start costs some frames."""
+
+RMS_ERRORS = ("x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg")
+"""Names of the root-mean-square errors: position [mm], quaternion [-], distance, angle."""
 
 _PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 
@@ -72,19 +84,15 @@ def _RmsErrors(result: SimulationResult, chosen: NDArray[np.bool_]) -> dict[str,
     """Root-mean-square errors of the chosen frames."""
     error = (result.recognized_pose - result.true_pose)[chosen]
     angle = rotation_angle(result.true_pose[chosen, 3:], result.recognized_pose[chosen, 3:])
-    columns = {
-        "x_mm": 1e3 * error[:, 0],
-        "y_mm": 1e3 * error[:, 1],
-        "z_mm": 1e3 * error[:, 2],
-        "eps1": error[:, 3],
-        "eps2": error[:, 4],
-        "eps3": error[:, 5],
-        "position_mm": 1e3 * np.linalg.norm(error[:, :3], axis=1),
-        "rotation_deg": np.degrees(angle),
-    }
+    columns = (
+        *(1e3 * error[:, :3].T),
+        *error[:, 3:].T,
+        1e3 * np.linalg.norm(error[:, :3], axis=1),
+        np.degrees(angle),
+    )
     return {
         name: float(np.sqrt(np.mean(values**2))) if len(values) else None
-        for name, values in columns.items()
+        for name, values in zip(RMS_ERRORS, columns, strict=True)
     }
 
 
@@ -173,7 +181,7 @@ def WriteResults(rows: Sequence[dict[str, Any]], folder: Path, *, as_csv: bool =
         data = {"runs": list(rows), "versions": Versions()}
         part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     if as_csv:
-        flat = [_Flatten(row) for row in rows]
+        flat = [FlattenRow(row) for row in rows]
         with (
             WholeFile(folder / "results.csv") as part,
             part.open("w", newline="", encoding="utf-8") as file,
@@ -183,7 +191,19 @@ def WriteResults(rows: Sequence[dict[str, Any]], folder: Path, *, as_csv: bool =
             writer.writerows(flat)
 
 
-def _Flatten(row: dict[str, Any]) -> dict[str, Any]:
+def FlattenRow(row: dict[str, Any]) -> dict[str, Any]:
+    """A row without nested mappings: their names are joined by dots.
+
+    Args:
+        row: A row of `Evaluate`.
+
+    Returns:
+        Its figures.
+
+    Example:
+        >>> FlattenRow({"frames": 4, "rms": {"x_mm": 0.5}})
+        {'frames': 4, 'rms.x_mm': 0.5}
+    """
     flat = {}
     for key, value in row.items():
         if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The command line: ``mffdrake run`` and ``mffdrake compare``."""
+"""The command line: ``mffdrake run``, ``mffdrake compare`` and ``mffdrake sweep``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import Any, NoReturn
+
+from mffdrake.experiment.local_processes import PrepareWorkers
 
 __all__ = ["main"]
 
@@ -45,29 +47,29 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--scenario-file", metavar="F", help="YAML file with the scenario")
     add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")
     add("--duration", metavar="S", type=_Positive(float), help="simulated time [s]")
-    add(
-        "--seed", metavar="N", type=int, help="seed of the random numbers, in compare the first one"
-    )
+    add("--seed", metavar="N", type=int, help="seed of the random numbers, of several the first")
     add("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
+    add("--verbose", action="store_true", help="say more on the way")
+    pictures = _Parser(add_help=False)
+    add = pictures.add_argument
     add("--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG")
     add(
         "--replay", metavar="FILE.html",
         help="write a Meshcat recording (of the last run) as one HTML file",
     )  # fmt: skip
-    add("--verbose", action="store_true", help="say more on the way")
 
     parser = _Parser(
         prog="mffdrake",
         description="Recognizes a target's pose with stereo cameras on a moving robot hand.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('mffdrake')}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run|compare")
-    run = commands.add_parser("run", parents=[common], help="one simulation")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run|compare|sweep")
+    run = commands.add_parser("run", parents=[common, pictures], help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
     run.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
     compare = commands.add_parser(
-        "compare", parents=[common], help="methods x speeds x seeds, with a table"
+        "compare", parents=[common, pictures], help="methods x speeds x seeds, with a table"
     )
     compare.add_argument(
         "--methods", metavar="M", nargs="+", default=["ga", "mff"], help="methods (default: ga mff)"
@@ -80,11 +82,31 @@ def _MakeParser() -> argparse.ArgumentParser:
         "--seeds", metavar="K", type=_Positive(int), default=1,
         help="number of seeds, from --seed on (default: 1)",
     )  # fmt: skip
-    compare.add_argument(
-        "--workers", metavar="N", type=_Positive(int), default=1,
-        help="number of processes (default: 1)",
+    _AddPlaces(compare, "1")
+    sweep = commands.add_parser(
+        "sweep", parents=[common], help="a grid of scenarios, with a table; goes on where it was"
+    )
+    sweep.add_argument("grid", metavar="GRID.yaml", help="file with the grid")
+    sweep.add_argument(
+        "--format", choices=["parquet", "csv"], default="parquet",
+        help="of the table of results (default: parquet)",
     )  # fmt: skip
+    _AddPlaces(sweep, "the number of cores")
     return parser
+
+
+def _AddPlaces(command: argparse.ArgumentParser, default: str) -> None:
+    """Adds the options that say where to run."""
+    places = command.add_mutually_exclusive_group()
+    places.add_argument(
+        "--workers",
+        metavar="N",
+        type=_Positive(int),
+        help=f"number of processes (default: {default})",
+    )
+    places.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on the Dask cluster with this scheduler instead"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -94,13 +116,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; the process's own by default.
 
     Returns:
-        The exit status: 0, or 2 after a message on bad input.
+        The exit status: 0, 1 when runs of a sweep failed, 2 after a message on bad input, or 130
+        after an interrupt.
     """
     options = _MakeParser().parse_args(arguments)
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
     # Only now: the help should come at once, and Drake takes a moment to load. An interrupt in the
     # midst of that would come out as an import error, so it ends the process as if there was none.
     on_interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if _NeedsWorkers(options):  # They load in the background what this process loads, too.
+        PrepareWorkers()
     from mffdrake.experiment.commands import RunCommand, UserError
 
     signal.signal(signal.SIGINT, on_interrupt)
@@ -108,14 +133,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         logging.getLogger(name).setLevel(logging.INFO if options.verbose else logging.WARNING)
 
     try:
-        RunCommand(options)
+        return RunCommand(options)
     except UserError as error:
         print(f"mffdrake: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("mffdrake: interrupted", file=sys.stderr)
         return 130
-    return 0
+
+
+def _NeedsWorkers(options: argparse.Namespace) -> bool:
+    if options.command == "run" or options.scheduler:
+        return False
+    return options.command == "sweep" or (options.workers or 1) > 1
 
 
 if __name__ == "__main__":

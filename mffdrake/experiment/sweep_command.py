@@ -1,0 +1,106 @@
+"""What ``mffdrake sweep`` does."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tqdm import tqdm
+
+from mffdrake.experiment.cluster import DaskCluster
+from mffdrake.experiment.executors import Executor
+from mffdrake.experiment.files import MakeOutputFolder
+from mffdrake.experiment.grid import Grid, LoadGrid
+from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
+from mffdrake.experiment.scenario import LoadScenario, ScenarioError
+from mffdrake.experiment.scenario_check import ReadYaml
+from mffdrake.experiment.store import Record
+from mffdrake.experiment.sweep import Sweep
+from mffdrake.experiment.sweep_table import MedianTable
+from mffdrake.systems.graphics import RequireGraphics
+
+__all__ = ["RunSweep"]
+
+_SHOWN_FAILURES = 5
+
+
+def RunSweep(options: argparse.Namespace) -> int:
+    """Runs a sweep and tells what came out.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Returns:
+        The exit status: 0, or 1 when runs failed.
+
+    Raises:
+        ScenarioError, StoreError, ClusterError, GraphicsUnavailableError, OSError: On bad input.
+    """
+    grid = _LoadGrid(options)
+    if not options.scheduler and any("\nrenderer: vtk\n" in run.scenario for run in grid.runs):
+        RequireGraphics()  # Rather once than at every run.
+    folder = MakeOutputFolder(options.out)
+    executor: Executor
+    if options.scheduler:
+        executor = DaskCluster(options.scheduler)
+    else:
+        executor = LocalProcesses(min(options.workers or UsableCores(), len(grid.runs)))
+    if not options.verbose:  # Thousands of runs would all warn of the same.
+        logging.getLogger("mffdrake").setLevel(logging.ERROR)
+    with _RunBar(len(grid.runs)) as on_run:
+        table = Sweep(grid, folder, executor=executor, file_format=options.format, on_run=on_run)
+    print(MedianTable(grid, table))
+    failures = [row for row in table.to_pylist() if row["status"] == "failed"]
+    if failures:
+        print(f"\n{len(failures)} of {len(grid.runs)} runs failed; the same command tries again:")
+    for row in failures[:_SHOWN_FAILURES]:
+        where = ", ".join(f"{key} {row[key]}" for key in [*grid.values, "seed"])
+        print(f"- {where}: {row['error']}")
+    if len(failures) > _SHOWN_FAILURES:
+        print(f"- ... (all in results.{options.format})")
+    print(f"\nResults: {folder}/results.{options.format}")
+    return 1 if failures else 0
+
+
+def _LoadGrid(options: argparse.Namespace) -> Grid:
+    """The scenario's file and text, the single options on top, and the grid file on top of that."""
+    scenario = LoadScenario(options.scenario_file, options.scenario_text)
+    given = [
+        name for name in ("duration", "seed", "renderer") if getattr(options, name) is not None
+    ]
+    for name in given:
+        setattr(scenario, name, getattr(options, name))
+    scenario.Validate()
+    grid = LoadGrid(options.grid, scenario=scenario)
+    data = ReadYaml(Path(options.grid).read_text(encoding="utf-8"))
+    for name in given:
+        lists_seeds = name == "seed" and isinstance(data.get("seeds"), list)
+        if lists_seeds or name in data.get("scenario", {}) or name in grid.values:
+            raise ScenarioError(
+                f"--{name}: {options.grid} sets the {name} itself; change it there, or leave out "
+                "the option"
+            )
+    return grid
+
+
+@contextmanager
+def _RunBar(count: int) -> Iterator[Callable[[Record, bool], None]]:
+    """A bar over the runs that have ended; silent where nobody watches."""
+    quiet = not sys.stderr.isatty()
+    with tqdm(total=count, desc="simulations", unit="run", disable=quiet) as bar:
+        failed = 0
+
+        def OnRun(record: Record, kept: bool) -> None:
+            nonlocal failed
+            if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
+                bar.initial += 1
+            failed += record.status == "failed"
+            if failed:
+                bar.set_postfix_str(f"{failed} failed", refresh=False)
+            bar.update(1)
+
+        yield OnRun
