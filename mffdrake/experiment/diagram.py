@@ -6,7 +6,7 @@ from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Meshcat, SceneGraph
+from pydrake.geometry import Meshcat, Role, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -144,8 +144,11 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         )
 
     # The plant asks its scene for contacts in every step, which brings all renderers' poses up to
-    # date. So the renderer gets a scene of its own, which is asked at frames only.
+    # date. So the renderer gets a scene of its own, which is asked at frames only; and as nothing
+    # touches in the experiment, the plant's own scene does without shapes for contact.
     render_scene = builder.AddNamedSystem("render_scene", scene_graph.Clone())
+    for geometry in scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
+        scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
     builder.Connect(
         plant.get_geometry_pose_output_port(),
         render_scene.get_source_pose_port(plant.get_source_id()),

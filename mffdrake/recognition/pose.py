@@ -50,7 +50,7 @@ def quaternion_scalar(eps: ArrayLike) -> Array:
         0.8
     """
     e = np.asarray(eps, dtype=float)
-    return np.asarray(np.sqrt(np.maximum(0.0, 1.0 - np.sum(e * e, axis=-1))))
+    return np.asarray(np.sqrt(np.maximum(0.0, 1.0 - np.einsum("...i,...i", e, e))))
 
 
 def rotation_matrix(eps: ArrayLike) -> Array:
@@ -87,25 +87,34 @@ def quaternion_vector(R: ArrayLike) -> Array:
         array([1., 0., 0.])
     """
     R = np.asarray(R, dtype=float)
-    # The 4x4 matrix 4 q q^T - I; its largest diagonal entry picks the stable row (Shepperd).
-    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    w = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1)
-    a, b, c = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
-    d, e, f = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
-    rows = np.stack(
+    # 4 q q^T; the row of its largest diagonal entry gives q most precisely (Shepperd).
+    rows = R.reshape(*R.shape[:-2], 9) @ _QUATERNION_PRODUCTS + np.eye(4).reshape(16)
+    best = np.argmax(rows[..., ::5], axis=-1)
+    q = np.take_along_axis(rows.reshape(*R.shape[:-2], 4, 4), best[..., None, None], axis=-2)
+    q = q[..., 0, :]
+    # Of unit length and with a positive scalar part
+    norm = np.copysign(np.sqrt(np.einsum("...i,...i", q, q)), q[..., 0])
+    return np.asarray(q[..., 1:] / norm[..., None])
+
+
+def _quaternion_products() -> Array:
+    """The linear map from R's nine entries to the 16 of 4 q q^T less the identity, (9, 16)."""
+    R = np.eye(9).reshape(9, 3, 3)  # each entry alone
+    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    a, b, c = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
+    d, e, f = R[:, 0, 1] + R[:, 1, 0], R[:, 0, 2] + R[:, 2, 0], R[:, 1, 2] + R[:, 2, 1]
+    return np.stack(
         [
-            np.stack([w[..., 0], a, b, c], axis=-1),
-            np.stack([a, w[..., 1], d, e], axis=-1),
-            np.stack([b, d, w[..., 2], f], axis=-1),
-            np.stack([c, e, f, w[..., 3]], axis=-1),
+            xx + yy + zz, a, b, c,
+            a, xx - yy - zz, d, e,
+            b, d, -xx + yy - zz, f,
+            c, e, f, -xx - yy + zz,
         ],
-        axis=-2,
-    )
-    best = np.argmax(w, axis=-1)
-    q = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    sign = np.where(q[..., :1] < 0, -1.0, 1.0)
-    return np.asarray(sign * q[..., 1:])
+        axis=-1,
+    )  # fmt: skip
+
+
+_QUATERNION_PRODUCTS = _quaternion_products()
 
 
 def compose_quaternion_vectors(a: ArrayLike, b: ArrayLike) -> Array:
@@ -124,8 +133,8 @@ def compose_quaternion_vectors(a: ArrayLike, b: ArrayLike) -> Array:
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     a0, b0 = quaternion_scalar(a)[..., None], quaternion_scalar(b)[..., None]
-    scalar = a0 * b0 - np.sum(a * b, axis=-1, keepdims=True)
-    vector = a0 * b + b0 * a + np.cross(a, b)
+    scalar = a0 * b0 - np.einsum("...i,...i", a, b)[..., None]
+    vector = a0 * b + b0 * a + (skew(a) @ b[..., None])[..., 0]
     return np.asarray(np.where(scalar < 0, -vector, vector))
 
 

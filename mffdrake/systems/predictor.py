@@ -179,7 +179,7 @@ class MffPredictor(LeafSystem):
 
     def _CameraPose(self, state: Array) -> RigidTransform:
         """X_WC for an arm state."""
-        self._plant.SetPositionsAndVelocities(self._kinematics, state)
+        self._plant.SetPositions(self._kinematics, state[: self._plant.num_positions()])
         return self._frame.CalcPoseInWorld(self._kinematics)
 
     def _TargetVelocity(self, context: Context) -> Array:
@@ -204,9 +204,11 @@ class MffPredictor(LeafSystem):
         """Exact transport; the target's own displacement in between."""
         X_WC, X_WD = self._CameraPose(last), self._CameraPose(present)
         X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)
-        dt = self._gain * self._timing.vision_period
-        moved = move_target(poses, X_WC.rotation().matrix(), velocity[:3], velocity[3:], dt)
-        return transport_pose(moved, X_DC.rotation().matrix(), X_DC.translation())
+        if velocity.any():  # seldom: the target is at rest, as a rule
+            dt = self._gain * self._timing.vision_period
+            R_WC = X_WC.rotation().matrix()
+            poses = move_target(poses, R_WC, velocity[:3], velocity[3:], dt)
+        return transport_pose(poses, X_DC.rotation().matrix(), X_DC.translation())
 
     def _PredictVelocity(self, last: Array, present: Array, poses: Array, velocity: Array) -> Array:
         """Eq. (12), (23)."""
