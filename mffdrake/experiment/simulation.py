@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
@@ -156,7 +155,7 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
         diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data
         for side in ("right", "left")
     )
-    tracker.matcher.fitness(tracker.coding.search_range.lower, right, left)
+    tracker.track(tracker.start_population(right, left), right, left, frame=1)
 
 
 class _Recorder:
@@ -217,14 +216,17 @@ class _Recorder:
             ("time", frame_time),
             ("joint_positions", state[:NUM_JOINTS]),
             ("joint_velocities", state[NUM_JOINTS : 2 * NUM_JOINTS]),
-            ("true_pose", _PoseVector(X_WC.InvertAndCompose(self._X_WM))),
-            ("actual_hand_pose", _PoseVector(self._X_E0W @ X_WE)),
-            ("desired_hand_pose", _PoseVector(self._X_E0W @ self._path.CalcHandPose(frame_time))),
+            ("true_pose", X_WC.InvertAndCompose(self._X_WM).GetAsMatrix34()),
+            ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
+            (
+                "desired_hand_pose",
+                (self._X_E0W @ self._path.CalcHandPose(frame_time)).GetAsMatrix34(),
+            ),
         ):
             self._rows[name].append(value)
         self._marks.append(time.perf_counter())
         for port in self._image_ports:
-            port.Eval(self._diagram_context)
+            port.EvalAbstract(self._diagram_context)  # Eval would copy the image.
         self._marks.append(time.perf_counter())
         if self._predicted is not None:
             port, context = self._predicted
@@ -255,13 +257,14 @@ class _Recorder:
 
     def Result(self) -> SimulationResult:
         """The record."""
+        wall_s = self.wall_s
+        rows = {name: np.array(values) for name, values in self._rows.items()}
+        for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
+            X = rows[name].reshape(-1, 3, 4)
+            rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
         return SimulationResult(
             scenario=self._scenario.Dump(),
             stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
-            wall_s=self.wall_s,
-            **{name: np.array(values) for name, values in self._rows.items()},
+            wall_s=wall_s,
+            **rows,
         )
-
-
-def _PoseVector(X: RigidTransform) -> Array:
-    return pose_from_transform(X.rotation().matrix(), X.translation())
