@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, System
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
@@ -124,7 +126,9 @@ def Simulate(
         >>> result.time
         array([0.   , 0.033, 0.066, 0.099])
     """
-    diagram = MakeHandEyeDiagram(scenario) if diagram is None else diagram
+    if diagram is None:
+        with _OwnDiagram(scenario) as diagram:
+            return Simulate(scenario, diagram=diagram, on_frame=on_frame)
     timing = scenario.timing.Make()
     simulator = Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())
@@ -143,6 +147,28 @@ def Simulate(
         if on_frame is not None:
             on_frame(simulator.get_context().get_time(), recorder.wall_s)
     return recorder.Result()
+
+
+@contextmanager
+def _OwnDiagram(scenario: Scenario) -> Iterator[Diagram]:
+    """A diagram that is freed at the end, megabytes at a time.
+
+    Its Python systems and their ports refer to each other. Python's collector sees to that, but
+    for a flaw of Python 3.11 with pydrake's classes, and has no idea how much memory hangs on it.
+    """
+    diagram = MakeHandEyeDiagram(scenario)
+    python_systems = [system for system in diagram.GetSystems() if _IsPython(system)]
+    try:
+        yield diagram
+    finally:
+        for system in python_systems:
+            vars(system).clear()
+        del diagram, python_systems
+        gc.collect()
+
+
+def _IsPython(system: System) -> bool:
+    return type(system).__module__.partition(".")[0] != "pydrake"
 
 
 def _WarmUp(diagram: Diagram, context: Context) -> None:

@@ -21,6 +21,7 @@ from mffdrake.recognition.pose import (
     target_motion_jacobian,
     transport_pose,
 )
+from mffdrake.systems._callbacks import Weakly
 from mffdrake.systems.timing import Timing
 
 __all__ = ["MffPredictor"]
@@ -132,15 +133,15 @@ class MffPredictor(LeafSystem):
         )
 
         self.DeclareVectorOutputPort(
-            "predicted_population", 6 * num_hypotheses, self._CalcPredictedPopulation
+            "predicted_population", 6 * num_hypotheses, Weakly(self._CalcPredictedPopulation)
         )
         self.DeclareAbstractOutputPort(
             "camera_displacement",
             lambda: AbstractValue.Make(RigidTransform()),
-            self._CalcCameraDisplacement,
+            Weakly(self._CalcCameraDisplacement),
             {self._state.ticket(), self.discrete_state_ticket(self._samples)},
         )
-        self.DeclareVectorOutputPort("pose_rate", 6, self._CalcPoseRate)
+        self.DeclareVectorOutputPort("pose_rate", 6, Weakly(self._CalcPoseRate))
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._SampleOnExposure

@@ -13,6 +13,7 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import Generation, OneStepGaTracker
 from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.systems._callbacks import Weakly
 from mffdrake.systems.timing import Timing
 
 __all__ = ["OneStepGaRecognizer"]
@@ -99,11 +100,14 @@ class OneStepGaRecognizer(LeafSystem):
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
         from_fitness = {self.discrete_state_ticket(self._fitness)}
-        self.DeclareVectorOutputPort("pose", 6, self._CalcPose, from_poses)
+        self.DeclareVectorOutputPort("pose", 6, Weakly(self._CalcPose), from_poses)
         self.DeclareAbstractOutputPort(
-            "X_CM", lambda: AbstractValue.Make(RigidTransform()), self._CalcTransform, from_poses
+            "X_CM",
+            lambda: AbstractValue.Make(RigidTransform()),
+            Weakly(self._CalcTransform),
+            from_poses,
         )
-        self.DeclareVectorOutputPort("fitness", 1, self._CalcFitness, from_fitness)
+        self.DeclareVectorOutputPort("fitness", 1, Weakly(self._CalcFitness), from_fitness)
         self.DeclareStateOutputPort("population", self._poses)
         self.DeclareStateOutputPort("population_fitness", self._fitness)
         self.DeclareStateOutputPort("frame_time", self._frame_time)

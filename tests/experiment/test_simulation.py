@@ -1,11 +1,13 @@
 """A simulation's record: exact frames, the truth, what the recognizer saw, nothing disturbed."""
 
 import dataclasses as dc
+import gc
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import System
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.scenario import LoadScenario, ScenarioError
@@ -302,3 +304,28 @@ def test_the_target_in_the_record_is_the_scenarios(tmp_path):
     X_WC = scenario.hand_path.Make().CalcHandPose(0.0) @ RigidTransform(scenario.camera.p_EC)
     p_CM = X_WC.inverse() @ np.array([1.75, 0.02, 0.44])
     np.testing.assert_allclose(result.true_pose[0, :3], p_CM, atol=1e-7)
+
+
+# Memory
+
+
+def living_systems():
+    """Number of systems and diagrams that there are in this process."""
+    gc.collect()
+    return sum(isinstance(thing, System) for thing in gc.get_objects())
+
+
+@pytest.mark.parametrize("method", ["ga", "mff"])
+def test_a_simulation_frees_its_diagram(method):
+    scenario = load(f"{{duration: 0.1, method: {method}}}")
+    Simulate(scenario)
+    before = living_systems()
+    for _ in range(3):
+        Simulate(scenario)
+    assert living_systems() <= before
+
+
+def test_a_given_diagram_can_be_used_again(scenario):
+    diagram = MakeHandEyeDiagram(scenario)
+    first, again = Simulate(scenario, diagram=diagram), Simulate(scenario, diagram=diagram)
+    np.testing.assert_array_equal(first.recognized_pose, again.recognized_pose)
