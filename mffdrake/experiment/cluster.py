@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import logging
 import queue
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
@@ -60,16 +61,25 @@ class DaskCluster:
                 "a Dask cluster needs the package distributed; run: pip install 'mffdrake[cluster]'"
             ) from error
         # What it has to say about lost connections is said below, in one line.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
+            self._RequireListener()
             self._client = Client(self._address, timeout=_PATIENCE, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError, TypeError, NotImplementedError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise ClusterError(
                 f"no Dask scheduler at '{self._address}': {reason}; an address is such as "
                 "tcp://127.0.0.1:8786, and 'dask scheduler' starts one"
             ) from error
         return self
+
+    def _RequireListener(self) -> None:
+        """Finds out at once whether nobody listens; the client would go on trying."""
+        from distributed.comm.addressing import get_address_host_port
+
+        with socket.create_connection(get_address_host_port(self._address), timeout=_PATIENCE):
+            pass
 
     def __exit__(self, *reason: object) -> None:
         """Disconnects; the cluster forgets the runs that have not ended."""
@@ -87,9 +97,8 @@ class DaskCluster:
             functools.partial(_InOneThread, function), list(arguments), pure=False
         )
         pending = {future.key: index for index, future in enumerate(futures)}
-        for future in futures:
-            future.add_done_callback(ended.put)
-        del futures, future  # The cluster forgets a run whose future is gone.
+        while futures:  # The cluster forgets a run whose future is gone.
+            futures.pop().add_done_callback(ended.put)
         while pending:
             try:
                 future = ended.get(timeout=_CHECK_PERIOD)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
@@ -17,14 +18,16 @@ from mffdrake.experiment.cluster import ClusterError, DaskCluster
 from mffdrake.experiment.comparison import Compare, MakeVariants
 from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
-from mffdrake.experiment.executors import WorkerDiedError
+from mffdrake.experiment.executors import Executor, InProcess, WorkerDiedError
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
+from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
     PlotComparison,
     PlotErrors,
     PlotHandPath,
     PlotPose,
+    PlotToFile,
     SaveFigure,
 )
 from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
@@ -163,17 +166,30 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
     WriteResults(rows, folder, as_csv=True)
     _WriteScenario(scenario, folder)
     first_seed = [r for r, v in zip(results, variants, strict=True) if v.seed == scenario.seed]
-    SaveFigure(PlotComparison(rows), folder / "comparison.png")
-    SaveFigure(PlotErrors(first_seed), folder / "errors.png")
+    pictures: list[tuple[Callable[..., Any], Any, Path]] = [
+        (PlotComparison, rows, folder / "comparison.png"),
+        (PlotErrors, first_seed, folder / "errors.png"),
+    ]
     for omega in dict.fromkeys(options.omega):
         chosen = [r for r, row in zip(results, rows, strict=True)
                   if row["omega"] == omega and row["seed"] == scenario.seed]  # fmt: skip
-        SaveFigure(PlotHandPath(chosen[0]), folder / f"hand_path_{omega:g}.png")
-        SaveFigure(PlotPose(chosen), folder / f"pose_{omega:g}.png")
+        pictures.append((PlotHandPath, chosen[0], folder / f"hand_path_{omega:g}.png"))
+        pictures.append((PlotPose, chosen, folder / f"pose_{omega:g}.png"))
+    _DrawAll(pictures, options.workers or 1)
     if options.replay:
         _SimulateOne(variants[-1], replay=options.replay)
     print(MarkdownTable(rows))
     _SayWhere(folder)
+
+
+def _DrawAll(pictures: Sequence[tuple[Callable[..., Any], Any, Path]], workers: int) -> None:
+    """Draws pictures, each most of a second's work, on as many processes as the simulations had."""
+    count = min(workers, len(pictures))
+    executor: Executor = LocalProcesses(count) if count > 1 else InProcess()
+    with executor:
+        for outcome in executor.Run(PlotToFile, pictures):
+            if outcome.exception is not None:
+                raise outcome.exception
 
 
 def _WriteScenario(scenario: Scenario, folder: Path) -> None:

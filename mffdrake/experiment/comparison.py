@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 
 from mffdrake.experiment.executors import Executor, InProcess
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario, Scenario
+from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.sweep import RunScenario
 
@@ -39,7 +40,7 @@ def MakeVariants(
     for omega in omegas:
         for method in methods:
             for seed in range(scenario.seed, scenario.seed + num_seeds):
-                variant = LoadScenario(text=scenario.Dump())
+                variant = copy.deepcopy(scenario)
                 variant.hand_path.omega, variant.method, variant.seed = omega, method, seed
                 variant.Validate()
                 variants.append(variant)

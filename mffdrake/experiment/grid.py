@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import itertools
 import json
 import re
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
 
 from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
@@ -96,9 +98,25 @@ def LoadGrid(file: Path | str, *, scenario: Scenario | None = None) -> Grid:
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{file}: not a text file in UTF-8") from error
     try:
-        return MakeGrid(ReadYaml(text), scenario=scenario)
+        data = ReadYaml(text)
+        _RequireKeysOnce(text)
+        return MakeGrid(data, scenario=scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{file}: {error}") from error
+
+
+def _RequireKeysOnce(text: str) -> None:
+    """Reading YAML drops all but the last of equal keys without a word."""
+    document = yaml.compose(text, Loader=yaml.SafeLoader)
+    waiting = [document] if document else []
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            names = [key.value for key, _ in node.value]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ScenarioError(f"the key '{name}' stands there twice")
+            waiting += [value for _, value in node.value]
 
 
 def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Grid:
@@ -121,9 +139,15 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     """
     for key in data:
         if key not in _KEYS:
-            raise ScenarioError(f"unknown key '{key}'; a grid file's keys: {', '.join(_KEYS)}")
+            close = difflib.get_close_matches(str(key), _KEYS, n=1)
+            hint = f" (did you mean '{close[0]}'?)" if close else ""
+            raise ScenarioError(f"unknown key '{key}'{hint}; known keys: {', '.join(_KEYS)}")
+    if not data:
+        raise ScenarioError(f"must be a mapping with some of the keys {', '.join(_KEYS)}")
     base = _OnTop(scenario or Scenario(), data.get("scenario", {}))
     seeds = _ReadSeeds(data.get("seeds", 1), base.seed)
+    if data.get("grid") == {}:
+        raise ScenarioError("grid has no keys; write such as {method: [ga, mff]}, or leave it out")
     typed = _ReadValues(data.get("grid", {}), base)
     plain = {key: [value for value, _ in column] for key, column in typed.items()}
     runs = tuple(_MakeRuns(base, typed, seeds))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["DrawOutline", "PlotComparison", "PlotErrors", "PlotHandPath", "PlotPose", "SaveFigure"]
+__all__ = [
+    "DrawOutline",
+    "PlotComparison",
+    "PlotErrors",
+    "PlotHandPath",
+    "PlotPose",
+    "PlotToFile",
+    "SaveFigure",
+]
 
 _COORDINATES = (
     ("x [mm]", 1e3), ("y [mm]", 1e3), ("z [mm]", 1e3), ("eps1", 1.0), ("eps2", 1.0), ("eps3", 1.0),
@@ -240,3 +248,17 @@ def _WidenFlat(axis: Axes, least: float) -> None:
     if high - low < least:
         middle = 0.5 * (low + high)
         axis.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
+
+
+def PlotToFile(plot: Callable[..., Figure], data: object, path: Path | str) -> None:
+    """Plots and writes the picture, for a process that does nothing else.
+
+    Args:
+        plot: One of this module's functions that make a figure.
+        data: What it plots.
+        path: See `SaveFigure`.
+
+    Raises:
+        OSError: When it cannot be written.
+    """
+    SaveFigure(plot(data), path)

@@ -1,0 +1,454 @@
+"""Sweeps: what they keep, what they write, and how they go on; on the command line and from Python."""
+
+import json
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import psutil
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from worker_functions import wait_for
+
+from mffdrake.experiment.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.evaluation import Evaluate, FlattenRow
+from mffdrake.experiment.executors import InProcess
+from mffdrake.experiment.fingerprint import CodeFingerprint
+from mffdrake.experiment.grid import LoadGrid, MakeGrid
+from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.store import Record, RunStore, StoreError
+from mffdrake.experiment.sweep import OtherCodeError, RunScenario, Sweep
+from mffdrake.experiment.sweep_table import MakeTable, MedianTable
+
+SMALL = {"renderer": "flat", "duration": 0.1, "camera": {"width": 64, "height": 48}}
+TIMES = re.compile(r"wall_s|realtime_factor|stages_ms\..*")
+UNREACHABLE = 3.0  # m; where the hand cannot be
+
+
+def make_grid(seeds=2, **keys):
+    grid = {"method": ["ga", "mff"], **{key.replace("__", "."): keys[key] for key in keys}}
+    return MakeGrid({"scenario": SMALL, "grid": grid, "seeds": seeds})
+
+
+def half_bad():
+    """Every second run fails: a bad hand pose shows only where the joints are solved for."""
+    bad, good = [UNREACHABLE, 0.0, 0.455], [0.918, 0.0, 0.455]
+    return make_grid(hand_path__X_WE0__translation=[good, bad])
+
+
+def numbers(table):
+    """All that does not depend on the machine's speed."""
+    return table.drop_columns([name for name in table.column_names if TIMES.fullmatch(name)])
+
+
+def stored(folder):
+    with closing(sqlite3.connect(folder / "runs.sqlite")) as store:
+        return dict(store.execute("SELECT key, row FROM runs WHERE status = 'done'").fetchall())
+
+
+def mffdrake(*arguments, cwd, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "mffdrake", *map(str, arguments)], cwd=cwd, text=True,
+        env=os.environ | environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
+    )  # fmt: skip
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+# The same rows, wherever they come from.
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("alone")
+    return folder, Sweep(make_grid(seeds=6), folder, executor=InProcess())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_local_processes_give_the_same_bits(workers, alone, tmp_path):
+    table = Sweep(make_grid(seeds=6), tmp_path, executor=LocalProcesses(workers))
+    assert numbers(table).equals(numbers(alone[1]))
+
+
+def test_a_dask_cluster_gives_the_same_bits_also_when_a_worker_is_killed(cluster, alone, tmp_path):
+    victim = cluster.add_worker()
+    cluster.add_worker(threads=3)
+    ended = []
+
+    def kill(record, kept):
+        ended.append(record)
+        if len(ended) == 3:
+            victim.kill()
+
+    executor = DaskCluster(cluster.address)
+    table = Sweep(make_grid(seeds=6), tmp_path, executor=executor, on_run=kill)
+    assert victim.wait() == -signal.SIGKILL
+    assert numbers(table).equals(numbers(alone[1]))
+
+
+def test_rows_are_what_simulating_and_evaluating_by_hand_gives(alone):
+    grid, rows = make_grid(seeds=6), alone[1].to_pylist()
+    expected = FlattenRow(Evaluate(Simulate(LoadScenario(text=grid.runs[7].scenario))))
+    assert rows[7]["method"] == "mff" and rows[7]["seed"] == 1
+    assert {**expected, "status": "done", "error": None, "attempts": 1}.keys() == rows[7].keys()
+    for name, value in expected.items():
+        if not TIMES.fullmatch(name):
+            assert rows[7][name] == value, name
+
+
+# Going on.
+
+
+def test_a_second_call_repeats_nothing(alone):
+    folder, table = alone
+    before, told = stored(folder), []
+    again = Sweep(
+        make_grid(seeds=6), folder, executor=None, on_run=lambda record, kept: told.append(kept)
+    )
+    assert told == [True] * 12
+    assert stored(folder) == before
+    assert again.equals(table)  # The times too: nothing was simulated again.
+
+
+def test_a_larger_grid_runs_only_what_is_new_and_other_rows_stay_out_of_the_table(tmp_path):
+    Sweep(make_grid(seeds=[1, 2]), tmp_path, executor=InProcess())
+    told = []
+    table = Sweep(
+        make_grid(seeds=[2, 3]), tmp_path, executor=InProcess(),
+        on_run=lambda record, kept: told.append(kept),
+    )  # fmt: skip
+    assert sorted(told) == [False, False, True, True]
+    assert table["seed"].to_pylist() == [2, 3, 2, 3]
+    assert len(stored(tmp_path)) == 6
+
+
+def test_runs_of_other_code_are_left_alone_and_not_taken_for_this_ones(tmp_path):
+    grid = make_grid(seeds=1)
+    Sweep(grid, tmp_path, executor=InProcess())
+    with closing(sqlite3.connect(tmp_path / "runs.sqlite")) as store, store:
+        store.execute("UPDATE runs SET key = 'of other code' WHERE rowid = 1")
+    told = []
+    Sweep(grid, tmp_path, executor=InProcess(), on_run=lambda record, kept: told.append(kept))
+    assert sorted(told) == [False, True]
+    assert "of other code" in stored(tmp_path)
+
+
+def test_a_worker_with_other_code_refuses():
+    with pytest.raises(OtherCodeError, match="the worker has other code"):
+        RunScenario("", "mffdrake 0.0.1")
+    with pytest.raises(OtherCodeError, match=re.escape(CodeFingerprint())):
+        RunScenario("", "mffdrake 0.0.1")
+
+
+def test_failed_runs_are_rows_and_are_tried_again(tmp_path):
+    for kept_before in (0, 4):
+        told = []
+        table = Sweep(
+            half_bad(), tmp_path, executor=InProcess(),
+            on_run=lambda record, kept, told=told: told.append((record.status, kept)),
+        )  # fmt: skip
+        assert sum(kept for _, kept in told) == kept_before
+        assert told.count(("failed", False)) == 4
+        rows = table.to_pylist()
+        assert [row["status"] for row in rows] == ["done"] * 2 + ["failed"] * 2 + ["done"] * 2 + [
+            "failed"
+        ] * 2
+        assert "not reachable at t = 0.00 s" in rows[2]["error"]
+        assert rows[2]["mean_fitness"] is None and rows[0]["mean_fitness"] is not None
+
+
+# The table.
+
+
+def test_the_columns_are_the_grids_keys_then_the_outcome_then_the_figures(alone):
+    names = alone[1].column_names
+    assert names[:7] == ["method", "seed", "status", "error", "attempts", "omega", "start"]
+    assert len(set(names)) == len(names)
+    assert {"mean_fitness_settled", "rms.position_mm", "rms_settled.rotation_deg"} <= set(names)
+
+
+def test_column_types_do_not_depend_on_how_many_runs_failed(alone):
+    grid = make_grid(seeds=6)
+    done = [Record(row=json.loads(row)) for row in stored(alone[0]).values()]
+    failed = Record(error="ValueError: no")
+    types = MakeTable(grid, done).schema
+    assert types.field("error").type == "string"
+    assert types.field("mean_fitness_settled").type == "double"  # All null: the runs are short.
+    assert MakeTable(grid, [failed, *done[1:]]).schema == types
+    none_done = MakeTable(grid, [failed] * 12).schema
+    assert set(none_done) <= set(types)
+    assert {f.name for f in types} - {f.name for f in none_done} == {
+        name for name in types.names if name.startswith("stages_ms.")
+    }
+    assert MakeTable(grid, [None] * 12).schema == none_done
+
+
+def test_values_of_all_kinds_have_columns():
+    grid = MakeGrid(
+        {
+            "grid": {
+                "recognizer.sampling.margin": [None, 0.004],
+                "recognizer.population_size": [30],
+                "controller.gravity_compensation": [True, False],
+                "target.X_WM.translation": [[1.7, 0, 0.45]],
+                "predictor": [{"gain": 0.5}],
+            }
+        }
+    )
+    table = MakeTable(grid, [Record(error="no")] * 4)
+    assert [str(field.type) for field in table.schema][:5] == [
+        "double", "int64", "bool", "string", "string",
+    ]  # fmt: skip
+    row = table.to_pylist()[3]
+    assert row["recognizer.sampling.margin"] == 0.004
+    assert row["controller.gravity_compensation"] is False
+    assert json.loads(row["target.X_WM.translation"]) == [1.7, 0.0, 0.45]
+    assert json.loads(row["predictor"])["gain"] == 0.5
+
+
+def test_the_median_table_has_a_line_for_each_combination():
+    grid = make_grid(seeds=3)
+    rows = [
+        Record(row={"mean_fitness": f, "mean_fitness_settled": f / 2, "rms_settled": {
+            "position_mm": 10 * f, "rotation_deg": f}})
+        for f in (0.1, 0.5, 0.9)
+    ]  # fmt: skip
+    table = MakeTable(grid, [*rows, Record(error="no"), rows[0], None])
+    lines = MedianTable(grid, table).splitlines()
+    assert lines[0] == "| method | fitness | position [mm] | rotation [deg] | seeds | failed |"
+    assert lines[2:4] == [
+        "| ga | 0.250 | 5.00 | 0.50 | 3 | 0 |",
+        "| mff | 0.050 | 1.00 | 0.10 | 1 | 1 |",
+    ]
+
+
+# The store.
+
+
+@pytest.mark.parametrize("content", [b"this is no database, but long enough for one" * 99, "other"])
+def test_a_store_that_is_not_ours_is_an_error_that_names_it_and_stays(content, tmp_path):
+    path = tmp_path / "runs.sqlite"
+    if content == "other":
+        with closing(sqlite3.connect(path)) as other, other:
+            other.execute("CREATE TABLE runs (a)")
+    else:
+        path.write_bytes(content)
+    before = path.read_bytes()
+    with pytest.raises(StoreError, match=r"runs\.sqlite: .*(--out)"):
+        RunStore(path)
+    assert path.read_bytes() == before
+
+
+def test_a_damaged_store_is_an_error_that_names_it(tmp_path):
+    path = tmp_path / "runs.sqlite"
+    store = RunStore(path)
+    for k in range(50):
+        store.Put(f"k{k}", "scenario" * 100, "code", Record(row={"frames": k}))
+    content = bytearray(path.read_bytes())
+    content[4096:-4096] = b"\xff" * (len(content) - 8192)
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match=r"runs\.sqlite: cannot be used"):
+        store.Get([f"k{k}" for k in range(50)])
+
+
+def test_what_is_done_stays_done(tmp_path):
+    store = RunStore(tmp_path / "runs.sqlite")
+    store.Put("k", "", "", Record(error="no", attempts=3))
+    assert store.Get(["k"])["k"] == Record(error="no", attempts=3)
+    store.Put("k", "", "", Record(row={"frames": 4}))
+    store.Put("k", "", "", Record(error="no"))
+    assert store.Get(["k"])["k"] == Record(row={"frames": 4})
+
+
+# The command.
+
+
+@pytest.fixture
+def folder(tmp_path):
+    scenario = "scenario: {renderer: flat, duration: 0.1, camera: {width: 64, height: 48}}\n"
+    (tmp_path / "grid.yaml").write_text(scenario + "grid: {method: [ga, mff]}\nseeds: 2")
+    (tmp_path / "long.yaml").write_text(
+        scenario.replace("0.1", "2") + "grid: {method: [ga, mff]}\nseeds: 20"
+    )
+    (tmp_path / "bad.yaml").write_text(
+        scenario + f"grid: {{hand_path.X_WE0.translation: [[{UNREACHABLE}, 0, 0.4]]}}\nseeds: 7"
+    )
+    return tmp_path
+
+
+def test_sweep_writes_what_is_promised_and_prints_medians(folder):
+    finished = mffdrake("sweep", "grid.yaml", "--workers", 2, cwd=folder)
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert files(folder / "out") == ["grid.yaml", "results.parquet", "runs.sqlite"]
+    table = pyarrow.parquet.read_table(folder / "out" / "results.parquet")
+    assert [(r["method"], r["seed"], r["status"]) for r in table.to_pylist()] == [
+        ("ga", 0, "done"), ("ga", 1, "done"), ("mff", 0, "done"), ("mff", 1, "done"),
+    ]  # fmt: skip
+    lines = [line for line in finished.stdout.splitlines() if line.startswith("|")]
+    assert re.fullmatch(r"\| ga \| 0\.\d{3} \| \d+\.\d\d \| \d+\.\d\d \| 2 \| 0 \|", lines[2])
+    assert len(lines) == 4
+    assert finished.stdout.splitlines()[-1] == "Results: out/results.parquet"
+    runs = LoadGrid(folder / "grid.yaml").runs
+    assert LoadGrid(folder / "out" / "grid.yaml").runs == runs
+
+
+def test_csv_has_the_same_rows(folder):
+    for arguments in ([], ["--format", "csv"]):
+        finished = mffdrake("sweep", "grid.yaml", *arguments, cwd=folder)
+        assert finished.returncode == 0, finished.stderr
+    table = pyarrow.parquet.read_table(folder / "out" / "results.parquet")
+    lines = pyarrow.csv.read_csv(folder / "out" / "results.csv")
+    assert lines.column_names == table.column_names
+    for name in ("method", "seed", "status", "mean_fitness", "rms.position_mm", "wall_s"):
+        assert lines[name].to_pylist() == table[name].to_pylist()
+
+
+def test_failed_runs_are_listed_and_the_status_is_1(folder):
+    finished = mffdrake("sweep", "bad.yaml", cwd=folder)
+    assert (finished.returncode, finished.stderr) == (1, "")
+    assert "7 of 7 runs failed" in finished.stdout
+    failures = [line for line in finished.stdout.splitlines() if line.startswith("- ")]
+    assert len(failures) == 6
+    assert re.search(r"translation \[3.0, 0.0, 0.4\], seed 0: .*not reachable", failures[0])
+    assert "all in results.parquet" in failures[5]
+    table = pyarrow.parquet.read_table(folder / "out" / "results.parquet")
+    assert table["status"].to_pylist() == ["failed"] * 7
+
+
+def start_long_sweep(folder):
+    """A sweep that has kept some runs, and has many to go."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mffdrake", "sweep", "long.yaml", "--workers", "2"],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    store = folder / "out" / "runs.sqlite"
+
+    def some():
+        assert process.poll() is None, process.stderr.read()
+        try:
+            return store.exists() and len(stored(store.parent)) >= 3
+        except sqlite3.OperationalError:  # The table is not there yet.
+            return False
+
+    wait_for(some, "three runs")
+    return process
+
+
+def test_ctrl_c_ends_it_with_status_130_and_the_rows_so_far(folder):
+    process = start_long_sweep(folder)
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(signal.SIGINT)
+    shown, errors = process.communicate()
+    assert process.returncode == 130
+    assert errors.splitlines() == ["mffdrake: interrupted"]
+    assert shown == ""
+    table = pyarrow.parquet.read_table(folder / "out" / "results.parquet")
+    assert 3 <= len(table) < 40
+    assert len(table) == len(stored(folder / "out"))
+    wait_for(lambda: not any(child.is_running() for child in children), "the workers' end")
+
+
+def test_after_sigkill_the_same_command_repeats_nothing_that_was_kept(folder):
+    process = start_long_sweep(folder)
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.kill()
+    process.communicate()
+    wait_for(lambda: not any(child.is_running() for child in children), "the workers' end")
+    before = stored(folder / "out")
+    assert 3 <= len(before) < 40
+    finished = mffdrake("sweep", "long.yaml", cwd=folder)
+    assert finished.returncode == 0, finished.stderr
+    after = stored(folder / "out")
+    assert len(after) == 40
+    assert {key: after[key] for key in before} == before  # With the times they took.
+
+
+def test_two_sweeps_on_one_folder_do_not_disturb_each_other(folder):
+    command = [sys.executable, "-m", "mffdrake", "sweep", "grid.yaml", "--workers", "1"]
+    processes = [subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE) for _ in range(2)]
+    for process in processes:
+        process.communicate()
+    assert [process.returncode for process in processes] == [0, 0]
+    assert len(stored(folder / "out")) == 4
+    assert len(pyarrow.parquet.read_table(folder / "out" / "results.parquet")) == 4
+
+
+def test_a_cluster_serves_sweep_and_compare(cluster, folder):
+    cluster.add_worker()
+    finished = mffdrake("sweep", "grid.yaml", "--scheduler", cluster.address, cwd=folder)
+    assert (finished.returncode, finished.stderr) == (0, "")
+    finished = mffdrake(
+        "compare", "--scheduler", cluster.address, "--omega", 0.2, "--duration", 0.1,
+        "--renderer", "flat", "--out", "compared", cwd=folder,
+    )  # fmt: skip
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert {"results.csv", "pose_0.2.png"} <= set(files(folder / "compared"))
+
+
+def test_a_scheduler_that_goes_away_is_an_error_and_the_rows_stay(cluster, tmp_path):
+    cluster.add_worker()
+
+    def kill(record, kept):
+        cluster.scheduler.kill()
+
+    with pytest.raises(ClusterError, match="is gone"):
+        Sweep(make_grid(seeds=20), tmp_path, executor=DaskCluster(cluster.address), on_run=kill)
+    table = pyarrow.parquet.read_table(tmp_path / "results.parquet")
+    assert 1 <= len(table) == len(stored(tmp_path))
+
+
+WRONG = {
+    "no file": (["no.yaml"], "no.yaml.*No such file"),
+    "no grid": ([], "GRID.yaml"),
+    "wrong key": (["wrong.yaml"], "wrong.yaml: grid: .*method must be one of ga, mff"),
+    "both places": (["grid.yaml", "--workers", "2", "--scheduler", "x"], "not allowed with"),
+    "workers": (["grid.yaml", "--workers", "0"], "--workers.*positive whole number.*'0'"),
+    "format": (["grid.yaml", "--format", "xls"], "--format.*'xls'.*parquet.*csv"),
+    "no scheduler": (["grid.yaml", "--scheduler", "127.0.0.1:1"], "no Dask scheduler.*refused"),
+    "set twice": (["grid.yaml", "--duration", "3"], "--duration: grid.yaml sets the duration"),
+    "renderer": (["no_scenario.yaml", "--renderer", "crayon"], "renderer.*vtk.*'crayon'"),
+    "out is a file": (["grid.yaml", "--out", "bad.yaml"], "bad.yaml"),
+    "foreign store": (["grid.yaml", "--out", "foreign"], "foreign/runs.sqlite: .*--out"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_bad_input_is_one_line_and_status_2(case, folder):
+    arguments, expected = WRONG[case]
+    (folder / "wrong.yaml").write_text("grid: {method: [best]}")
+    (folder / "no_scenario.yaml").write_text("grid: {method: [ga]}")
+    (folder / "foreign").mkdir()
+    (folder / "foreign" / "runs.sqlite").write_text("mine\n" * 999)
+    finished = mffdrake("sweep", *arguments, cwd=folder)
+    assert (finished.returncode, finished.stdout) == (2, "")
+    (line,) = finished.stderr.splitlines()
+    assert line.startswith("mffdrake") and "error: " in line
+    assert re.search(expected, line), line
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
+def test_without_a_graphics_driver_it_says_so_once(folder):
+    (folder / "vtk.yaml").write_text("grid: {renderer: [flat, vtk]}")
+    finished = mffdrake(
+        "sweep", "vtk.yaml", cwd=folder, __EGL_VENDOR_LIBRARY_FILENAMES="/nonexistent.json"
+    )
+    assert finished.returncode == 2
+    (line,) = finished.stderr.splitlines()
+    assert "cannot render" in line
+
+
+def test_the_example_grids_load():
+    examples = sorted((Path(__file__).parents[2] / "scenarios").glob("*.yaml"))
+    assert examples
+    for file in examples:
+        assert LoadGrid(file).runs
