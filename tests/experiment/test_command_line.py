@@ -264,9 +264,9 @@ def test_compare_prints_a_markdown_table_of_medians(compare):
 @pytest.mark.parametrize(
     ("command", "options"),
     [
-        ([], ["run", "compare"]),
+        ([], ["run", "compare", "sweep"]),
         (["run"], ["--method", "--omega"]),
-        (["compare"], ["--methods", "--omega", "--seeds", "--workers"]),
+        (["compare"], ["--methods", "--omega", "--seeds", "--workers", "--scheduler"]),
     ],
 )
 def test_help_lists_the_options(program, command, options, tmp_path):
