@@ -254,8 +254,9 @@ def test_the_run_of_a_killed_dask_worker_is_begun_again(cluster, tmp_path):
     assert [outcome.value for outcome in outcomes] == ["a", "b"]
 
 
-def test_a_run_whose_dask_worker_dies_every_time_fails_and_the_others_do_not(cluster):
-    cluster.add_worker(nanny=True)  # It puts a new worker in a dead one's place.
+def test_a_run_whose_dask_worker_dies_every_time_fails(cluster):
+    for _ in range(3):
+        cluster.add_worker()
     outcomes = run(DaskCluster(cluster.address), work.die_at, [(k, 0) for k in range(3)])
     assert isinstance(outcomes[0].exception, WorkerDiedError)
     assert outcomes[0].attempts == 2  # The fixture's scheduler allows one failure.
