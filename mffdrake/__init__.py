@@ -31,9 +31,11 @@ _MODULES = {
         "StereoCamera"
     ),
     "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
+    "systems.camera_delay": "AddDelay",
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",
     "systems.hand_path": "AddHandPathSource HandPath SolveHandPath",
     "systems.inverse_kinematics": "UnreachablePathError",
+    "systems.joint_encoders": "JointEncoders",
     "systems.models": "ConfigureParser FindModelsPath",
     "systems.pa10": "AddCameraFrames AddPa10 MakePa10Plant",
     "systems.pd_controller": "PD_GAINS AddGravityCompensation PdController PdGains",

@@ -45,12 +45,14 @@ from mffdrake.recognition import StereoCamera as StereoCamera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
 from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
 from mffdrake.recognition.pose import transport_pose as transport_pose
+from mffdrake.systems.camera_delay import AddDelay as AddDelay
 from mffdrake.systems.graphics import GraphicsUnavailableError as GraphicsUnavailableError
 from mffdrake.systems.graphics import RequireGraphics as RequireGraphics
 from mffdrake.systems.hand_path import AddHandPathSource as AddHandPathSource
 from mffdrake.systems.hand_path import HandPath as HandPath
 from mffdrake.systems.hand_path import SolveHandPath as SolveHandPath
 from mffdrake.systems.inverse_kinematics import UnreachablePathError as UnreachablePathError
+from mffdrake.systems.joint_encoders import JointEncoders as JointEncoders
 from mffdrake.systems.models import ConfigureParser as ConfigureParser
 from mffdrake.systems.models import FindModelsPath as FindModelsPath
 from mffdrake.systems.pa10 import AddCameraFrames as AddCameraFrames

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, Role, SceneGraph
+from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.experiment.scenario_sections import ControllerConfig
@@ -30,9 +32,11 @@ from mffdrake.recognition import (
     Start,
     StereoCamera,
 )
+from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
+from mffdrake.systems.joint_encoders import JointEncoders
+from mffdrake.systems.pa10 import NUM_JOINTS, AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer
@@ -72,7 +76,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
     ``scene_graph``, ``render_scene``, ``stereo_camera``, ``recognizer`` and, for the method "mff",
-    ``predictor``.
+    ``predictor``. Where the scenario has a camera latency or encoder noise, there are a
+    ``camera_delay``, a ``geometry_poser`` and ``joint_encoders``, too. The port ``exposed_state``
+    is the state that the images show.
     The arm's default state is at rest at the path's first pose. All systems see the state of the
     present time: the plant's ports are not sampled.
 
@@ -83,6 +89,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         - stereo_camera.color_image_right
         - stereo_camera.color_image_left
         - state
+        - exposed_state
         - desired_state
         - actuation
         - recognizer.pose
@@ -113,7 +120,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     timing = scenario.timing.Make()
     camera = _MakeCamera(scenario)
     p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
-    arm = MakePa10Plant(p_EC=p_EC, baseline=baseline)
+    # The arm as the controller and the predictor know it
+    R_EC = RollPitchYaw(np.radians(scenario.predictor.hand_eye_error_deg)).ToRotationMatrix()
+    arm = MakePa10Plant(p_EC=p_EC, R_EC=R_EC, baseline=baseline)
     path = SolveHandPath(arm, scenario.hand_path.Make(), duration=scenario.duration)
 
     builder = DiagramBuilder()
@@ -133,13 +142,14 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         "pd_controller", _MakeController(scenario.controller, arm, timing)
     )
     builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    builder.Connect(plant.get_state_output_port(), controller.GetInputPort("estimated_state"))
+    estimated_state = _AddEncoders(builder, plant, scenario)
+    builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
     builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
     if scenario.controller.gravity_compensation:
         AddGravityCompensation(
             builder,
             arm_plant=arm,
-            estimated_state=plant.get_state_output_port(),
+            estimated_state=estimated_state,
             feedforward_torque=controller.GetInputPort("feedforward_torque"),
         )
 
@@ -149,10 +159,20 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     render_scene = builder.AddNamedSystem("render_scene", scene_graph.Clone())
     for geometry in scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
         scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    builder.Connect(
-        plant.get_geometry_pose_output_port(),
-        render_scene.get_source_pose_port(plant.get_source_id()),
+    exposed_state = AddDelay(
+        builder,
+        plant.get_state_output_port(),
+        latency=scenario.camera.latency,
+        initial_value=np.append(path.value(0.0), np.zeros(NUM_JOINTS)),
+        timing=timing,
+        name="camera_delay",
     )
+    geometry_pose = plant.get_geometry_pose_output_port()
+    if scenario.camera.latency > 0.0:
+        poser = builder.AddNamedSystem("geometry_poser", GeometryPoser(plant))
+        builder.Connect(exposed_state, poser.get_input_port())
+        geometry_pose = poser.get_output_port()
+    builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
     stereo = AddStereoCamera(
         builder,
         plant=plant,
@@ -178,12 +198,14 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
                 plant=arm,
                 num_hypotheses=recognizer.num_hypotheses,
                 mode=cast(Literal["rigid", "velocity"], scenario.predictor.mode),
-                latency=scenario.predictor.latency,
+                latency=scenario.camera.latency
+                if scenario.predictor.latency is None
+                else scenario.predictor.latency,
                 gain=scenario.predictor.gain,
                 timing=timing,
             ),
         )
-        builder.Connect(plant.get_state_output_port(), predictor.GetInputPort("estimated_state"))
+        builder.Connect(estimated_state, predictor.GetInputPort("estimated_state"))
         for output, system in (("population", recognizer), ("predicted_population", predictor)):
             receiver = predictor if system is recognizer else recognizer
             builder.Connect(system.GetOutputPort(output), receiver.GetInputPort(output))
@@ -198,6 +220,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
             mesh=mesh,
         )
     builder.ExportOutput(plant.get_state_output_port(), "state")
+    builder.ExportOutput(exposed_state, "exposed_state")
     builder.ExportOutput(source.get_output_port(), "desired_state")
     builder.ExportOutput(controller.GetOutputPort("actuation"), "actuation")
     for name in ("pose", "X_CM", "fitness", "population"):
@@ -248,6 +271,22 @@ def _MakeCamera(scenario: Scenario) -> StereoCamera:
         fov_y=np.radians(config.fov_y_deg),
         baseline=config.baseline,
     )
+
+
+def _AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> OutputPort:
+    """The port with the arm's state as it is read; free of error, that is the plant's own."""
+    if scenario.encoders.noise_deg == 0.0:
+        return plant.get_state_output_port()
+    encoders = builder.AddNamedSystem(
+        "joint_encoders",
+        JointEncoders(
+            noise=math.radians(scenario.encoders.noise_deg),
+            seed=scenario.seed,
+            timing=scenario.timing.Make(),
+        ),
+    )
+    builder.Connect(plant.get_state_output_port(), encoders.get_input_port())
+    return encoders.get_output_port()
 
 
 def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:

@@ -135,6 +135,7 @@ def draw_local_moves(
 def breed(
     poses: Array,
     fitness: Array,
+    average_best: bool,
     num_survivors: int,
     num_local: int,
     num_newcomers: int,
@@ -156,12 +157,15 @@ def breed(
 ) -> Array:
     """The next generation, Eq. (27), see `GeneticAlgorithm.breed`."""
     order = np.argsort(-fitness, kind="mergesort")  # stable
-    center, equals = np.zeros((1, 6)), 0
-    for n in range(len(poses)):
-        if fitness[n] == fitness[order[0]]:
-            center[0] += poses[n]
-            equals += 1
-    center /= equals
+    center = poses[order[:1]]
+    if average_best:
+        equals = 0
+        center[:] = 0.0
+        for n in range(len(poses)):
+            if fitness[n] == fitness[order[0]]:
+                center[0] += poses[n]
+                equals += 1
+        center /= equals
     survivors = encode(poses[order[:num_survivors]], lower, upper, top, gray)
     local = draw_local_moves(
         center[0], num_local, pivots, p_CS, depth, shift, rotation, decades, sparsity, rng
@@ -169,7 +173,7 @@ def breed(
     genes = np.empty((len(poses), 6), dtype=np.int64)
     start = 0
     for part in (
-        encode(center, lower, upper, top, gray),
+        encode(center[: int(average_best)], lower, upper, top, gray),
         encode(local, lower, upper, top, gray),
         draw_genes(num_newcomers, top, rng),
         cross_and_mutate(survivors, num_crossed, bits, mutation_probability, rng),

@@ -155,12 +155,7 @@ class MffPredictor(LeafSystem):
             raise ValueError(f"mode must be 'rigid' or 'velocity', not {mode!r}")
         if not math.isfinite(gain):
             raise ValueError(f"gain must be a finite number, not {gain}")
-        period = self._timing.control_period
-        if not 0.0 <= latency < math.inf or abs(latency / period - round(latency / period)) > 1e-6:
-            raise ValueError(
-                f"latency must be a whole multiple of the control period of {period} s and at "
-                f"least 0, not {latency} s"
-            )
+        self._timing.CheckLatency(latency)
 
     def _SampleOnExposure(self, context: Context, discrete_state: DiscreteValues) -> None:
         if self._timing.IsVisionTick(context.get_time(), delay_ticks=self._delay_ticks):
