@@ -309,11 +309,13 @@ def transport_pose(psi: ArrayLike, R_DC: ArrayLike, p_DC: ArrayLike) -> Array:
         >>> transport_pose([0, 0, 0.8, 0, 0, 0], np.eye(3), [0.01, 0, 0])[:3]
         array([0.01, 0.  , 0.8 ])
     """
+    from mffdrake.recognition import _transport  # numba: slow to import
+
     psi = np.asarray(psi, dtype=float)
-    R_DC = np.asarray(R_DC, dtype=float)
-    r, eps = psi[..., :3], psi[..., 3:]
-    turned = compose_quaternion_vectors(quaternion_vector(R_DC), eps)
-    return np.concatenate([r @ R_DC.T + np.asarray(p_DC, dtype=float), turned], axis=-1)
+    R_DC, p_DC = np.array(R_DC, dtype=float), np.array(p_DC, dtype=float)
+    poses = np.array(psi.reshape(-1, 6))
+    moved: Array = _transport.transport(poses, R_DC, p_DC, quaternion_vector(R_DC))
+    return moved.reshape(psi.shape)
 
 
 def rotate_by(rotation_vector: ArrayLike) -> Array:

@@ -169,9 +169,10 @@ class MffPredictor(LeafSystem):
     def _Exposures(self, context: Context) -> tuple[Array, Array]:
         """Arm states at the last frame's exposure and at the present one's."""
         present = self._state.Eval(context)
-        samples = context.get_discrete_state(self._samples).value().reshape(-1, len(present))
-        exposures = np.vstack([present, samples])
-        return exposures[self._exposures_back + 1], exposures[self._exposures_back]
+        samples = context.get_discrete_state(self._samples).value()
+        end = self._exposures_back * len(present)
+        last = samples[end : end + len(present)]
+        return last, samples[end - len(present) : end] if end else present
 
     def _CameraPose(self, state: Array) -> RigidTransform:
         """X_WC for an arm state."""
