@@ -20,6 +20,10 @@ __all__ = ["ClusterError", "DaskCluster"]
 _PATIENCE = 10.0  # s; how long a scheduler may take to answer
 _CHECK_PERIOD = 1.0  # s; how often to look whether the scheduler is still there
 
+# The one thread of a worker that simulates: graphics contexts belong to a thread. It starts when
+# it is first used.
+_SIMULATION_THREAD = ThreadPoolExecutor(1, thread_name_prefix="simulation")
+
 
 class ClusterError(RuntimeError):
     """A cluster cannot be used (any more); the message says what helps."""
@@ -130,11 +134,5 @@ def _OutcomeOf(future: Future, index: int) -> Outcome:
     return Outcome(index=index, exception=error)
 
 
-@functools.cache
-def _SimulationThread() -> ThreadPoolExecutor:
-    """The one thread of a worker that simulates: graphics contexts belong to a thread."""
-    return ThreadPoolExecutor(1, thread_name_prefix="simulation")
-
-
 def _InOneThread(function: Callable[..., Any], values: tuple[Any, ...]) -> Any:
-    return _SimulationThread().submit(function, *values).result()
+    return _SIMULATION_THREAD.submit(function, *values).result()
