@@ -263,6 +263,18 @@ def test_a_run_whose_dask_worker_dies_every_time_fails(cluster):
     assert "died at each of 2 attempts" in outcomes[0].error
 
 
+def test_a_cluster_without_workers_says_so_and_goes_on_when_some_join(cluster, caplog):
+    def join():
+        work.wait_for(lambda: "has no workers" in caplog.text, "the warning")
+        cluster.add_worker()
+
+    with threads(join):
+        outcomes = run(DaskCluster(cluster.address), divmod, [(7, 2)])
+    assert [outcome.value for outcome in outcomes] == [(3, 1)]
+    assert caplog.text.count("has no workers") == 1
+    assert f"dask worker {cluster.address}" in caplog.text
+
+
 def test_a_scheduler_that_goes_away_is_an_error(cluster, tmp_path):
     cluster.add_worker()
 
