@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.geometry import Meshcat, Role, SceneGraph
+from pydrake.geometry import Meshcat, Role
 from pydrake.math import RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from mffdrake.experiment.scenario import Scenario, ScenarioError
-from mffdrake.experiment.scenario_sections import ControllerConfig
+from mffdrake.experiment.parts import (
+    AddEncoders,
+    AddSceneRenderer,
+    MakeCamera,
+    MakeController,
+    MakeTracker,
+)
+from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.target import (
     AddTarget,
     CalcDesiredPose,
@@ -22,29 +26,15 @@ from mffdrake.experiment.target import (
     WarnOutside,
 )
 from mffdrake.experiment.visualization import AddMeshcat
-from mffdrake.recognition import (
-    Matcher,
-    NearStart,
-    OneStepGaTracker,
-    RandomStart,
-    SearchModel,
-    SolidModel,
-    Start,
-    StereoCamera,
-)
 from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
-from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.pa10 import NUM_JOINTS, AddCameraFrames, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
+from mffdrake.systems.pd_controller import AddGravityCompensation
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer
-from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
-from mffdrake.systems.timing import Timing
 
-__all__ = ["CheckScenario", "MakeHandEyeDiagram", "MakeTracker"]
+__all__ = ["CheckScenario", "MakeHandEyeDiagram"]
 
 
 def CheckScenario(scenario: Scenario) -> None:
@@ -68,7 +58,7 @@ def CheckScenario(scenario: Scenario) -> None:
     target = AddTarget(plant, scenario)
     plant.Finalize()
     mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
-    WarnOutside(scenario, LoadSolid(mesh, scenario), _MakeCamera(scenario))
+    WarnOutside(scenario, LoadSolid(mesh, scenario), MakeCamera(scenario))
 
 
 def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:
@@ -118,7 +108,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     """
     scenario.Validate()
     timing = scenario.timing.Make()
-    camera = _MakeCamera(scenario)
+    camera = MakeCamera(scenario)
     p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
     # The arm as the controller and the predictor know it
     R_EC = RollPitchYaw(np.radians(scenario.predictor.hand_eye_error_deg)).ToRotationMatrix()
@@ -138,11 +128,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
 
     source = AddHandPathSource(builder, path)
-    controller = builder.AddNamedSystem(
-        "pd_controller", _MakeController(scenario.controller, arm, timing)
-    )
+    controller = builder.AddNamedSystem("pd_controller", MakeController(scenario, arm))
     builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    estimated_state = _AddEncoders(builder, plant, scenario)
+    estimated_state = AddEncoders(builder, plant, scenario)
     builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
     builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
     if scenario.controller.gravity_compensation:
@@ -178,7 +166,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         plant=plant,
         scene_graph=render_scene,
         camera=camera,
-        renderer=_AddRenderer(render_scene, scenario),
+        renderer=AddSceneRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
     solid = LoadSolid(mesh, scenario)
@@ -229,84 +217,3 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     diagram = builder.Build()
     diagram.set_name("hand_eye")
     return diagram
-
-
-def MakeTracker(
-    scenario: Scenario, solid: SolidModel, start_pose: NDArray[np.float64]
-) -> OneStepGaTracker:
-    """The scenario's tracker for a solid.
-
-    Args:
-        scenario: Its ``recognizer``, ``camera`` and ``seed`` count.
-        solid: The object to recognize.
-        start_pose: Where the first population lies for ``start: near_target``: the target's pose
-            vector in the right camera, shape (6,).
-
-    Returns:
-        The tracker.
-    """
-    config = scenario.recognizer
-    position_spread, quaternion_spread = config.start_spread
-    starts: dict[str, Start] = {
-        "random": RandomStart(),
-        "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
-    }
-    model = SearchModel(solid, config.MakeSampling())
-    return OneStepGaTracker(
-        matcher=Matcher(model, _MakeCamera(scenario), config.MakeMatching()),
-        coding=config.MakeCoding(),
-        parameters=config.MakeParameters(),
-        local_moves=config.MakeLocalMoves(),
-        generations_per_frame=config.generations_per_frame,
-        start=starts[config.start],
-        seed=scenario.seed,
-    )
-
-
-def _MakeCamera(scenario: Scenario) -> StereoCamera:
-    config = scenario.camera
-    return StereoCamera.from_fov(
-        width=config.width,
-        height=config.height,
-        fov_y=np.radians(config.fov_y_deg),
-        baseline=config.baseline,
-    )
-
-
-def _AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> OutputPort:
-    """The port with the arm's state as it is read; free of error, that is the plant's own."""
-    if scenario.encoders.noise_deg == 0.0:
-        return plant.get_state_output_port()
-    encoders = builder.AddNamedSystem(
-        "joint_encoders",
-        JointEncoders(
-            noise=math.radians(scenario.encoders.noise_deg),
-            seed=scenario.seed,
-            timing=scenario.timing.Make(),
-        ),
-    )
-    builder.Connect(plant.get_state_output_port(), encoders.get_input_port())
-    return encoders.get_output_port()
-
-
-def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
-    """Adds the renderer, which is when the target's mesh is read for drawing."""
-    try:
-        return AddRenderer(scene_graph, scenario.renderer)
-    except GraphicsUnavailableError:
-        raise
-    except (RuntimeError, ValueError, NotImplementedError) as error:
-        reason = " ".join(str(error).split())
-        raise ScenarioError(
-            f"target.model '{scenario.target.model}' cannot be drawn: {reason}"
-        ) from error
-
-
-def _MakeController(config: ControllerConfig, arm: MultibodyPlant, timing: Timing) -> PdController:
-    preset: PdGains = PD_GAINS[config.gains]
-    return PdController(
-        kp=preset.kp if config.kp is None else config.kp,
-        kd=preset.kd if config.kd is None else config.kd,
-        effort_limit=arm.GetEffortUpperLimits(),
-        timing=timing,
-    )
