@@ -189,7 +189,7 @@ class GeneticParameters:
 
 
 class GeneticAlgorithm:
-    """Breeds one generation from a scored one.
+    """Breeds one generation from a scored one: a step towards the maximum, Eq. (24), (26).
 
     Args:
         coding: The genes.

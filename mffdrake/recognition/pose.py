@@ -237,9 +237,9 @@ def camera_motion_jacobian(
     psi = np.asarray(psi, dtype=float)
     R_CW = R_WC.T
     r_W = psi[..., :3] @ R_WC.T  # R_WC r, the line of sight in the world
-    top = -R_CW @ J_P + R_CW @ skew(r_W) @ J_O
-    bottom = -quaternion_rate_matrix(psi[..., 3:]) @ R_CW @ J_O
-    return np.concatenate([np.broadcast_to(top, bottom.shape), bottom], axis=-2)
+    top = -R_CW @ J_P + R_CW @ skew(r_W) @ J_O  # Eq. (2), (7)-(9)
+    bottom = -quaternion_rate_matrix(psi[..., 3:]) @ R_CW @ J_O  # Eq. (4), (6), (8)
+    return np.concatenate([np.broadcast_to(top, bottom.shape), bottom], axis=-2)  # Eq. (5)
 
 
 def target_motion_jacobian(R_WC: ArrayLike, psi: ArrayLike) -> Array:
@@ -263,8 +263,8 @@ def target_motion_jacobian(R_WC: ArrayLike, psi: ArrayLike) -> Array:
     R_CW = np.asarray(R_WC, dtype=float).T
     psi = np.asarray(psi, dtype=float)
     J = np.zeros((*psi.shape[:-1], 6, 6))
-    J[..., :3, :3] = R_CW
-    J[..., 3:, 3:] = quaternion_rate_matrix(psi[..., 3:]) @ R_CW
+    J[..., :3, :3] = R_CW  # Eq. (2)
+    J[..., 3:, 3:] = quaternion_rate_matrix(psi[..., 3:]) @ R_CW  # Eq. (4), (6)
     return J
 
 
@@ -367,7 +367,7 @@ def move_target(
 
 
 def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
-    """Angle [rad] between two orientations given by their quaternions' vector parts.
+    """Angle [rad] between two quaternions' vector parts, the rotation's share of Eq. (28).
 
     Args:
         eps_a: Vector parts, shape (..., 3).

@@ -195,12 +195,12 @@ class MffPredictor(LeafSystem):
         J_M = camera_motion_jacobian(R_WC, J_P, J_O, poses)
         J_N = target_motion_jacobian(R_WC, poses)
         velocities = state[self._plant.num_positions() :]
-        return J_M @ velocities + J_N @ target_velocity
+        return J_M @ velocities + J_N @ target_velocity  # Eq. (11) where the target is at rest
 
     def _PredictRigid(self, last: Array, present: Array, poses: Array, velocity: Array) -> Array:
-        """Exact transport; the target's own displacement in between."""
+        """Eq. (12) exactly: rigid transport; the target's own displacement in between."""
         X_WC, X_WD = self._CameraPose(last), self._CameraPose(present)
-        X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)
+        X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)  # Eq. (14), for C and for D
         if velocity.any():  # seldom: the target is at rest, as a rule
             dt = self._gain * self._timing.vision_period
             R_WC = X_WC.rotation().matrix()
