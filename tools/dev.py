@@ -19,8 +19,9 @@ import subprocess
 import sys
 
 # What each target runs, as arguments of .venv/bin/python, one after the other.
-DEMO = [["-m", "mffdrake", "compare", "--workers", "2", "--graphviz", "out/diagram.svg"]]
-QUICK_DEMO = [[*DEMO[0], "--renderer", "flat"]]
+DIAGRAM = ["--workers", "2", "--graphviz", "out/diagram.svg"]
+DEMO = [["-m", "mffdrake", "reproduce", "--short", *DIAGRAM]]
+QUICK_DEMO = [["-m", "mffdrake", "compare", "--renderer", "flat", *DIAGRAM]]
 BENCH = [["benchmarks/report.py"]]
 TEST = [["-m", "pytest"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]

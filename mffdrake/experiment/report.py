@@ -11,36 +11,24 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mffdrake.experiment.evaluation import SETTLED_AFTER, FlattenRow, Versions
+from mffdrake.experiment.evaluation import FlattenRow, Versions
 from mffdrake.experiment.executors import Executor
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.plotting import PlotHandPath, PlotPose, SaveFigure
-from mffdrake.experiment.report_figures import PlotStudies, PlotTable, ShownWindow
-from mffdrake.experiment.report_tables import (
-    InvarianceTable,
-    OscillationTable,
-    PaperTable,
-    StudyTable,
-    SummaryLines,
-)
+from mffdrake.experiment.report_figures import PlotStudies, PlotTable
+from mffdrake.experiment.report_text import MakeText
 from mffdrake.experiment.reproduction import Reproduction, RunPlan, Summarize
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.store import Record
-from mffdrake.experiment.studies import (
-    PAPER_OMEGAS,
-    MakeStudies,
-    PlannedRun,
-    PlanRuns,
-    Study,
-)
+from mffdrake.experiment.studies import PAPER_OMEGAS, MakeStudies
+from mffdrake.experiment.study import PlannedRun, PlanRuns, Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["MakeHtml", "Reproduce", "WriteReport"]
 
-_TABLES = ("near", "random", "vtk_near", "vtk")
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 75em; margin: 2em auto; padding: 0 1em;
        color: #222; background: #fff; }
@@ -118,9 +106,11 @@ def WriteReport(reproduction: Reproduction, folder: Path | str) -> Path:
     folder = Path(folder)
     summary = Summarize(reproduction.rows)
     _WriteNumbers(reproduction.rows, summary, folder)
+    pictures = []
     for name, figure in _Figures(reproduction, summary):
         SaveFigure(figure, folder / name)
-    text = "\n\n".join(_Sections(reproduction, summary)) + "\n"
+        pictures.append(name)
+    text = MakeText(reproduction, summary, pictures)
     page = MakeHtml(text, folder)
     for name, content in (("report.html", page), ("report.md", text)):
         with WholeFile(folder / name) as part:
@@ -208,98 +198,3 @@ def _Figures(
             yield name, PlotPose(pair)
     yield "fig8.png", PlotTable(summary)
     yield "studies.png", PlotStudies(summary)
-
-
-def _Sections(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) -> Iterator[str]:
-    yield from _Beginning(reproduction, summary)
-    yield from _TheHand(reproduction)
-    yield from _TheTables(reproduction, summary)
-    yield "## Invariance"
-    yield (
-        "The paper's claim is that with feedforward the error does not depend on the hand's speed, "
-        "as if the camera was fixed. Root-mean-square position error at the highest and the lowest "
-        f"of its speeds, medians{_Frames(summary)}, and the ratio of the two:"
-    )
-    yield InvarianceTable(summary)
-    yield "## What the error depends on"
-    yield f"Medians and, in brackets, quartiles over the seeds{_Frames(summary)}."
-    yield "![Position error against speed, latency, gain, calibration, noise](studies.png)"
-    for study in reproduction.studies:
-        if study.name not in _TABLES:
-            yield f"### {study.title}"
-            yield study.question
-            yield StudyTable(summary, study)
-    yield "## Numbers"
-    versions = ", ".join(f"{name} {version}" for name, version in Versions().items())
-    yield (
-        "Every run is a row of `runs.csv` and `runs.json`; the medians and quartiles of all errors "
-        f"over both windows are in `summary.json`. {versions}."
-    )
-
-
-def _Frames(summary: Sequence[dict[str, Any]]) -> str:
-    settled = ShownWindow(summary) == "settled"
-    return f", without the first {SETTLED_AFTER:g} s" if settled else ", over all frames"
-
-
-def _Beginning(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) -> Iterator[str]:
-    yield "# The paper's experiment, reproduced"
-    done = [row for row in reproduction.rows if row["status"] == "done"]
-    durations = sorted({row["duration"] for row in done})
-    seconds = " and ".join(f"{duration:g} s" for duration in durations) or "no run"
-    seeds = {study.name: study.seeds for study in reproduction.studies}
-    table = max(seeds.values())
-    yield (
-        "The experiment of *On-line Motion-Feedforward Pose Recognition Invariant for Dynamic "
-        "Hand-eye Motion*: an arm swings a stereo camera around a box, whose pose is recognized "
-        "with one generation of a genetic algorithm (GA) a video frame, without and with motion "
-        f"feedforward (MFF). {len(done)} simulations of {seconds}; up to {table} seeds each. The "
-        "paper's numbers are of one run each."
-    )
-    failures = reproduction.Failures()
-    if failures:
-        yield f"**{len(failures)} runs failed**; the first: {failures[0]['error']}"
-    lines = list(SummaryLines(summary))
-    if lines:
-        yield "## In short"
-        yield "\n".join(f"- {line}" for line in lines)
-
-
-def _TheHand(reproduction: Reproduction) -> Iterator[str]:
-    yield "## The hand's motion (Fig. 6)"
-    yield (
-        "The hand starts at rest while its path starts at full speed, which the lightly damped "
-        "arm answers by swinging."
-    )
-    yield "![Desired and actual hand pose in the first hand frame](fig6.png)"
-    yield (
-        "Measured from the runs: one decaying oscillation is fitted to the difference, actual "
-        "minus desired, of the sideways coordinate x, beside a constant and the path's own "
-        "frequency (least squares; frequency and decay rate searched on a grid that shrinks). The "
-        "last column is the share of the swing's variance that it explains; the rest is the arm's "
-        "other modes."
-    )
-    yield OscillationTable(reproduction)
-
-
-def _TheTables(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) -> Iterator[str]:
-    yield "## Recognition over time (Fig. 7)"
-    yield "The first seed, started near the target, at the lowest and at the highest speed."
-    yield "![True and recognized pose at the lowest speed](fig7.png)"
-    yield "![True and recognized pose at the highest speed](fig7_fast.png)"
-    yield "## Fitness and errors (Fig. 8)"
-    yield (
-        "Medians over the seeds, their quartiles in brackets, of mean fitness and root-mean-square "
-        "errors. The last two rows of each method, distance and angle, are not in the paper; they "
-        "follow from its others."
-    )
-    yield "![Mean fitness and errors, ours and the paper's](fig8.png)"
-    for study in reproduction.studies:
-        if study.name in _TABLES:
-            yield f"### {study.title}"
-            yield study.question
-            yield f"{study.seeds} seeds. Over all frames, as in the paper:"
-            yield PaperTable(summary, study.name, "all")
-            if study.name in ("random", "vtk") and ShownWindow(summary) == "settled":
-                yield f"Without the first {SETTLED_AFTER:g} s:"
-                yield PaperTable(summary, study.name, "settled")

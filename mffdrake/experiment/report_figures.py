@@ -76,10 +76,8 @@ def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
                 for n, omega in enumerate(PAPER_OMEGAS)
                 if (entry := FindEntry(summary, source, method, omega)) and entry["all"][cell]
             ]
-            style: dict[str, Any] = {"near": {"fmt": "o"}, "random": {"fmt": "^", "alpha": 0.5}}[
-                source
-            ]
-            _ErrorBars(axis, points, color=_COLORS[method], label=label, **style)
+            form, alpha = ("o", 1.0) if source == "near" else ("^", 0.5)
+            _ErrorBars(axis, points, color=_COLORS[method], label=label, fmt=form, alpha=alpha)
         axis.set_title(AXIS_LABELS[cell], fontsize=10)
         axis.set_xticks(range(len(PAPER_OMEGAS)), [f"{omega:g}" for omega in PAPER_OMEGAS])
         axis.set_xlim(-0.5, len(PAPER_OMEGAS) - 0.5)

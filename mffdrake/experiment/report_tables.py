@@ -16,7 +16,8 @@ from mffdrake.experiment.paper_numbers import (
 )
 from mffdrake.experiment.report_figures import AXIS_LABELS, ShownWindow
 from mffdrake.experiment.reproduction import FindEntry, Reproduction
-from mffdrake.experiment.studies import PAPER_OMEGAS, Study
+from mffdrake.experiment.studies import PAPER_OMEGAS
+from mffdrake.experiment.study import Study
 
 __all__ = [
     "INVARIANCE_LIMIT",
@@ -228,12 +229,11 @@ def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
             if not entry["settled"][cell] or not ReachesPaper(
                 cell, entry["settled"][cell].median, PAPER["mff", omega][cell])
         ]  # fmt: skip
-        if misses:
-            text += f" {len(misses) - len(late)} of the others are so too without the first "
-            text += f"{SETTLED_AFTER:g} s, so that the search at the start is their reason."
+        if len(misses) > len(late):
+            text += f" {len(misses) - len(late)} more are so without the first {SETTLED_AFTER:g} s:"
+            text += " there the search at the start is the reason."
         if late:
-            names = ", ".join(f"{AXIS_LABELS[cell]} at {omega:g} rad/s" for omega, cell, _ in late)
-            text += f" Not so: {names}."
+            text += f" Not so in either window: {_Where(late)}."
         yield text
         fitness = [entry["all"]["mean_fitness"].median for _, cell, entry in cells
                    if cell == "mean_fitness"]  # fmt: skip
@@ -250,6 +250,15 @@ def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
                 f"{_SLOW:g} rad/s ({limit} {INVARIANCE_LIMIT:g}); the paper's is "
                 f"{_PaperRatio(method):.2f} times."
             )
+
+
+def _Where(cells: Sequence[tuple[float, str, Any]]) -> str:
+    """Figures and the speeds at which they are meant."""
+    speeds: dict[str, list[str]] = {}
+    for omega, cell, _ in cells:
+        speeds.setdefault(AXIS_LABELS[cell].split(" [")[0], []).append(f"{omega:g}")
+    parts = [f"{name} at {', '.join(omegas)}" for name, omegas in speeds.items()]
+    return f"{'; '.join(parts)} rad/s"
 
 
 def _PaperRatio(method: str) -> float:

@@ -21,7 +21,8 @@ from mffdrake.experiment.report_tables import SummaryLines
 from mffdrake.experiment.reproduction import RunPlan, Summarize
 from mffdrake.experiment.scenario import LoadScenario, ScenarioError
 from mffdrake.experiment.store import Record
-from mffdrake.experiment.studies import MakeStudies, PlannedRun, PlanRuns
+from mffdrake.experiment.studies import MakeStudies
+from mffdrake.experiment.study import PlannedRun, PlanRuns
 from mffdrake.systems.graphics import RequireGraphics
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 

@@ -15,7 +15,7 @@ from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.paper_numbers import Quartiles
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.store import Record, RunKey, RunStore
-from mffdrake.experiment.studies import PlannedRun, Study
+from mffdrake.experiment.study import PlannedRun, Study
 from mffdrake.experiment.sweep import STORE_NAME, RunScenario
 
 __all__ = ["RECORDED", "FindEntry", "Reproduction", "RunPlan", "Summarize"]
@@ -80,7 +80,8 @@ def RunPlan(
         >>> import tempfile
         >>> from mffdrake.experiment.executors import InProcess
         >>> from mffdrake.experiment.scenario import LoadScenario
-        >>> from mffdrake.experiment.studies import MakeStudies, PlanRuns
+        >>> from mffdrake.experiment.studies import MakeStudies
+        >>> from mffdrake.experiment.study import PlanRuns
         >>> base = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
         >>> plan = PlanRuns(MakeStudies(1, short=True)[1:2], base)
         >>> result = RunPlan(plan, tempfile.mkdtemp(), executor=InProcess())

@@ -1,13 +1,12 @@
-"""What the reproduction of the paper's experiment runs: named groups of labeled scenarios."""
+"""What the reproduction of the paper's experiment runs."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
-from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario import ScenarioError
+from mffdrake.experiment.study import Study, Variant
 from mffdrake.systems.hand_path import HandPath
 
 __all__ = [
@@ -15,10 +14,6 @@ __all__ = [
     "PAPER_OMEGAS",
     "PLAIN_GA",
     "MakeStudies",
-    "PlanRuns",
-    "PlannedRun",
-    "Study",
-    "Variant",
 ]
 
 PAPER_OMEGAS = (0.105, 0.157, 0.314)
@@ -41,70 +36,9 @@ recognizer:
 """The paper's own GA, as a scenario text: survivors and crossover children alone, its points."""
 
 _FRAME = 0.033  # s
-_VTK_WORK = 8.0  # Times as long as with the flat renderer, on two cores without a GPU.
 _FAST = PAPER_OMEGAS[-1]
 _NEAR = "{recognizer: {start: near_target}}"
 _METHODS = ("ga", "mff")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Variant:
-    """One line of a study.
-
-    Attributes:
-        label: What people call it.
-        curve: Variants of the same curve are joined in a plot.
-        value: Where on the curve it is, in the study's unit.
-        changes: Scenario texts (YAML), each on top of the one before and all on top of the rest.
-    """
-
-    label: str
-    curve: str
-    value: float
-    changes: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Study:
-    """A question, and the variants that answer it.
-
-    Attributes:
-        name: Identifier.
-        title: Heading.
-        question: What it shows, in a sentence or two.
-        axis: What a variant's ``value`` is, with its unit.
-        variants: See `Variant`.
-        seeds: Number of seeds.
-    """
-
-    name: str
-    title: str
-    question: str
-    axis: str
-    variants: tuple[Variant, ...]
-    seeds: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannedRun:
-    """One run of a study.
-
-    Attributes:
-        study: The study.
-        variant: Which of its variants.
-        seed: The seed.
-        scenario: The complete scenario, as YAML.
-    """
-
-    study: Study
-    variant: Variant
-    seed: int
-    scenario: str
-
-    @property
-    def work(self) -> float:
-        """About how much longer it takes than a run with the flat renderer."""
-        return _VTK_WORK if "\nrenderer: vtk\n" in self.scenario else 1.0
 
 
 def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> tuple[Study, ...]:
@@ -137,41 +71,6 @@ def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> 
     studies = [*_Tables(seeds, vtk_seeds), _Fixed(few, short), *_OfTheGa(few, short)]
     studies += [*_OfTheFeedforward(few, short), *([] if short else [_Faster(few)])]
     return tuple(studies)
-
-
-def PlanRuns(studies: Sequence[Study], base: Scenario) -> tuple[PlannedRun, ...]:
-    """All runs of some studies.
-
-    Args:
-        studies: The studies.
-        base: What their scenarios are on top of; it has the first seed. Its method, renderer and
-            speed do not count, as each variant has its own.
-
-    Returns:
-        Each study's variants, each with each seed. Several may be of the same scenario.
-
-    Raises:
-        ScenarioError: When a scenario is wrong.
-
-    Example:
-        >>> run = PlanRuns(MakeStudies(2, vtk_seeds=0)[:1], Scenario())[-1]
-        >>> run.variant.label, run.seed, "renderer: flat" in run.scenario
-        ('mff, 0.314 rad/s', 1, True)
-    """
-    runs = []
-    flat = LoadScenario(text="renderer: flat", defaults=base)
-    for study in studies:
-        for variant in study.variants:
-            scenario = flat
-            for text in variant.changes:
-                scenario = LoadScenario(text=text, defaults=scenario)
-            # The seed is put into the text, as writing and checking it takes some milliseconds.
-            # The line is there once: what is nested is indented.
-            dumped = scenario.Dump()
-            for seed in range(base.seed, base.seed + study.seeds):
-                text = re.sub(r"(?m)^seed: \d+$", f"seed: {seed}", dumped)
-                runs.append(PlannedRun(study=study, variant=variant, seed=seed, scenario=text))
-    return tuple(runs)
 
 
 def _At(method: str, omega: float) -> str:
