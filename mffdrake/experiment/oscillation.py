@@ -13,7 +13,8 @@ __all__ = ["FitOscillation", "Oscillation"]
 Array = NDArray[np.float64]
 
 _LEAST_OSCILLATIONS = 3.0
-_ROUNDS = 12  # Of a search whose grid gets 2.5 times as fine each time.
+_ROUNDS = 40  # Of a search whose grid gets twice as fine as soon as the optimum is inside.
+_STEPS = (-2, -1, 0, 1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +78,7 @@ def FitOscillation(time: Array, signal: Array, *, slow_omega: float = 0.0) -> Os
     swing = signal - base @ np.linalg.lstsq(base, signal, rcond=None)[0]
     if not np.ptp(swing) > 1e-9 * max(np.abs(signal).max(), 1e-300):
         raise ValueError("FitOscillation: the signal does not swing")
-    span = time[-1] - time[0]
+    span = float(time[-1] - time[0])
     step = span / (len(time) - 1)
     spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing))))
     frequency = float(np.fft.rfftfreq(len(swing), step)[int(np.argmax(spectrum))])
@@ -85,16 +86,19 @@ def FitOscillation(time: Array, signal: Array, *, slow_omega: float = 0.0) -> Os
         raise ValueError("FitOscillation: the signal is shorter than three oscillations")
 
     rate = 1.0 / span
-    width_f, width_r = 2.0 / span, 4.0 / span
+    width_f, width_r = 0.5 / span, 0.5 / span
     for _ in range(_ROUNDS):
         candidates = [
-            (_Fit(time, signal, base, f, r)[0], f, r)
-            for f in frequency + width_f * np.linspace(-1.0, 1.0, 7)
-            for r in np.maximum(rate + width_r * np.linspace(-1.0, 1.0, 7), 0.0)
-            if f > 0
+            (_Fit(time, signal, base, frequency + i * width_f, rate + j * width_r)[0], i, j)
+            for i in _STEPS
+            for j in _STEPS
+            if frequency + i * width_f > 0 and rate + j * width_r >= 0
         ]
-        _, frequency, rate = (float(value) for value in min(candidates))
-        width_f, width_r = width_f / 2.5, width_r / 2.5
+        _, i, j = min(candidates)
+        frequency, rate = frequency + i * width_f, rate + j * width_r
+        # An optimum at the grid's border may lie beyond it.
+        width_f = width_f if abs(i) == _STEPS[-1] else width_f / 2.0
+        width_r = width_r if abs(j) == _STEPS[-1] else width_r / 2.0
     error, weights = _Fit(time, signal, base, frequency, rate)
     without = float(np.sum(swing**2))
     return Oscillation(
