@@ -104,7 +104,7 @@ def _MakeParser() -> argparse.ArgumentParser:
         "reproduce", parents=[common, diagram],
         help="the paper's figures and table, and more, as a report; goes on where it was",
         description="Runs the paper's experiment with many seeds and studies beyond it, and writes "
-        "a report. With the defaults that takes most of an hour on two cores, with --short a "
+        "a report. With the defaults that takes about an hour on two cores, with --short a "
         "minute. The same command goes on where it was interrupted.",
     )  # fmt: skip
     reproduce.add_argument(

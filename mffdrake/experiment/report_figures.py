@@ -23,6 +23,10 @@ AXIS_LABELS = {
 """How people call the figures of `Summarize`."""
 
 _COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
+_CURVE_COLORS = {
+    "GA": "tab:orange", "MFF": "tab:blue", "MFF, velocity mode": "tab:cyan",
+    "plain GA": "tab:brown", "MFF + plain GA": "tab:purple",
+}  # fmt: skip
 _METHODS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
 _DODGE = 0.13  # Between the points of one speed, whose distance is 1.
 
@@ -83,11 +87,15 @@ def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
         axis.set_xlim(-0.5, len(PAPER_OMEGAS) - 0.5)
         axis.grid(alpha=0.3, axis="y", which="both")
         if cell != "mean_fitness":
-            axis.set_yscale("log")
+            _MakeLogarithmic(axis)
     for axis in axes[-1]:
         axis.set_xlabel("omega [rad/s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=9)
+    named = dict(zip(labels, handles, strict=True))
+    order = [f"{name}, {source}" for source in _SOURCES.values() for name in _METHODS.values()]
+    figure.legend(
+        [named[label] for label in order], order, loc="outside lower center", ncols=3, fontsize=9
+    )
     figure.suptitle(
         "Mean fitness and root-mean-square errors over all frames: medians with quartiles"
     )
@@ -133,10 +141,12 @@ def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
             axis.axhline(limit, color="0.5", ls="--", lw=1, label="fixed camera")
         axis.set_title(title, fontsize=10)
         axis.set_xlabel(label)
-        axis.set_yscale("log")
+        _MakeLogarithmic(axis)
         axis.grid(alpha=0.3, which="both")
         if axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize=8)
+            low, high = axis.get_ylim()
+            axis.set_ylim(low, high * (high / low) ** 0.4)  # Room for the legend.
+            axis.legend(loc="upper left", fontsize=8, ncols=2)
     for axis in axes[:, 0]:
         axis.set_ylabel("position error (rms) [mm]")
     frames = "after the first seconds" if window == "settled" else "over all frames"
@@ -162,7 +172,20 @@ def _PlotCurves(
         )
     for label, points in joined.items():
         if points:
-            _ErrorBars(axis, sorted(points, key=lambda point: point[0]), fmt="o-", label=label)
+            color = _CURVE_COLORS.get(label)
+            points.sort(key=lambda point: point[0])
+            _ErrorBars(axis, points, fmt="o-", label=label, color=color)
+
+
+def _MakeLogarithmic(axis: Axes) -> None:
+    """A logarithmic axis with plain numbers: 0.5, not 5 x 10^-1."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    axis.set_yscale("log")
+    axis.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    for set_formatter in (axis.yaxis.set_major_formatter, axis.yaxis.set_minor_formatter):
+        set_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.tick_params(axis="y", which="both", labelsize=9)
 
 
 def _ErrorBars(axis: Axes, points: Sequence[tuple[float, Any]], **style: Any) -> None:

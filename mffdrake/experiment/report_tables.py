@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -111,7 +112,7 @@ def StudyTable(summary: Sequence[dict[str, Any]], study: Study) -> str:
             entry["label"],
             *(_WithQuartiles(cell, entry[window][cell]) for cell in cells),
             str(entry["done"]),
-            (entry["error"] or "").replace("|", "\\|"),
+            html.escape(entry["error"] or "", quote=False).replace("|", "\\|"),
         ]
         for entry in summary
         if entry["study"] == study.name
@@ -234,11 +235,25 @@ def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
             text += " there the search at the start is the reason."
         if late:
             text += f" Not so in either window: {_Where(late)}."
-        yield text
         fitness = [entry["all"]["mean_fitness"].median for _, cell, entry in cells
                    if cell == "mean_fitness"]  # fmt: skip
-        yield f"Its mean fitness is {', '.join(f'{value:.3f}' for value in fitness)}, " + (
-            "at least 0.98 at every speed." if min(fitness) >= 0.98 else "below 0.98 somewhere."
+        text += f" Its mean fitness is {_List(fitness, '.3f')}: " + (
+            "at least 0.98 throughout." if min(fitness) >= 0.98 else "below 0.98 somewhere."
+        )
+        yield text
+    parts = []
+    for method, name in (("ga", "without"), ("mff", "with")):
+        entries = [FindEntry(summary, "plain", method, omega) for omega in PAPER_OMEGAS]
+        ours = [entry["all"]["position_mm"].median for entry in entries if entry and entry["done"]]
+        if len(ours) == len(PAPER_OMEGAS):
+            paper = [PAPER[method, omega]["position_mm"] for omega in PAPER_OMEGAS]
+            parts.append(
+                f"{_List(ours, '.1f')} mm {name} feedforward (the paper: {_List(paper, '.1f')} mm)"
+            )
+    if parts:
+        yield (
+            "The plain GA, which is what the paper describes and no more, has position errors of "
+            f"{' and '.join(parts)}."
         )
     window = ShownWindow(summary)
     for method, name in (("mff", "With feedforward"), ("ga", "Without")):
@@ -250,6 +265,10 @@ def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
                 f"{_SLOW:g} rad/s ({limit} {INVARIANCE_LIMIT:g}); the paper's is "
                 f"{_PaperRatio(method):.2f} times."
             )
+
+
+def _List(values: Sequence[float], form: str) -> str:
+    return ", ".join(format(value, form) for value in values)
 
 
 def _Where(cells: Sequence[tuple[float, str, Any]]) -> str:

@@ -18,7 +18,7 @@ from mffdrake.experiment.reproduction import Reproduction
 
 __all__ = ["MakeText"]
 
-_TABLES = ("near", "random", "vtk_near", "vtk")
+_TABLES = ("near", "random", "vtk_near", "vtk", "plain")
 _PICTURES = {
     "fig6.png": "Desired and actual hand pose in the first hand frame",
     "fig7.png": "True and recognized pose at the lowest speed",
@@ -91,6 +91,10 @@ def _Frames(summary: Sequence[dict[str, Any]]) -> str:
     return f", without the first {SETTLED_AFTER:g} s" if settled else ", over all frames"
 
 
+def _Count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def _Beginning(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield "# The paper's experiment, reproduced"
     done = [row for row in reproduction.rows if row["status"] == "done"]
@@ -102,12 +106,12 @@ def _Beginning(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) ->
         "The experiment of *On-line Motion-Feedforward Pose Recognition Invariant for Dynamic "
         "Hand-eye Motion*: an arm swings a stereo camera around a box, whose pose is recognized "
         "with one generation of a genetic algorithm (GA) a video frame, without and with motion "
-        f"feedforward (MFF). {len(done)} simulations of {seconds}; up to {table} seeds each. The "
-        "paper's numbers are of one run each."
+        f"feedforward (MFF). {len(done)} simulations of {seconds}; up to {_Count(table, 'seed')} "
+        "each. The paper's numbers are of one run each."
     )
     failures = reproduction.Failures()
     if failures:
-        yield f"**{len(failures)} runs failed**; the first: {failures[0]['error']}"
+        yield f"**{_Count(len(failures), 'run')} failed**; the first: {failures[0]['error']}"
     lines = list(SummaryLines(summary))
     if lines:
         yield "## In short"
@@ -149,7 +153,7 @@ def _TheTables(
         if study.name in _TABLES:
             yield f"### {study.title}"
             yield study.question
-            yield f"{study.seeds} seeds. Over all frames, as in the paper:"
+            yield f"{_Count(study.seeds, 'seed')}. Over all frames, as in the paper:"
             yield PaperTable(summary, study.name, "all")
             if study.name in ("random", "vtk") and ShownWindow(summary) == "settled":
                 yield f"Without the first {SETTLED_AFTER:g} s:"
