@@ -14,6 +14,7 @@ from html.parser import HTMLParser
 import cv2
 import psutil
 import pytest
+from terminal import on_terminal
 from worker_functions import wait_for
 
 from mffdrake.experiment.evaluation import Evaluate
@@ -184,6 +185,16 @@ def test_after_sigkill_the_same_command_goes_on(tmp_path):
     after = stored(tmp_path / "out")
     assert len(after) == 28
     assert {key: after[key] for key in before} == before
+
+
+def test_on_a_terminal_a_bar_shows_the_time_left_and_ctrl_c_keeps_what_is_done(tmp_path):
+    status, shown = on_terminal(*SHORT, cwd=tmp_path, ctrl_c_at=" 1/28 runs")
+    assert status == 130
+    assert "interrupted" in shown.splitlines()[-1] and "Traceback" not in shown
+    assert re.search(r"simulations: +\d+%\|.*\| 1/28 runs \[\d\d:\d\d<\d\d:\d\d\]", shown), shown
+    assert 1 <= len(stored(tmp_path / "out")) < 28
+    left = [name for name in files(tmp_path / "out") if not name.startswith("records/")]
+    assert left == ["runs.sqlite"]
 
 
 def test_help_lists_the_options_and_how_long_it_takes(tmp_path):
