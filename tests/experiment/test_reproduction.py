@@ -17,6 +17,7 @@ import pytest
 from terminal import on_terminal
 from worker_functions import wait_for
 
+from mffdrake.experiment.cluster import DaskCluster
 from mffdrake.experiment.evaluation import Evaluate
 from mffdrake.experiment.executors import InProcess
 from mffdrake.experiment.local_processes import LocalProcesses
@@ -308,6 +309,17 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
         assert row["rms"] == Evaluate(expected)["rms"]
         frames = result.records[row["method"], row["omega"]]
         assert frames.recognized_pose.tobytes() == expected.recognized_pose.tobytes()
+
+
+def test_a_dask_cluster_gives_the_same_rows_and_frames(cluster, tmp_path):
+    cluster.add_worker()
+    (near,) = (s for s in MakeStudies(1, short=True) if s.name == "near")
+    plan = PlanRuns([near], LoadScenario(text=BASE))
+    here = RunPlan(plan, tmp_path / "here", executor=InProcess())
+    there = RunPlan(plan, tmp_path / "there", executor=DaskCluster(cluster.address))
+    assert [row["rms"] for row in there.rows] == [row["rms"] for row in here.rows]
+    for key, record in here.records.items():
+        assert there.records[key].fitness.tobytes() == record.fitness.tobytes()
 
 
 def test_frames_that_are_lost_are_simulated_again(tmp_path):
