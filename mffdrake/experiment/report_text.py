@@ -106,8 +106,9 @@ def _Beginning(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) ->
         "The experiment of *On-line Motion-Feedforward Pose Recognition Invariant for Dynamic "
         "Hand-eye Motion*: an arm swings a stereo camera around a box, whose pose is recognized "
         "with one generation of a genetic algorithm (GA) a video frame, without and with motion "
-        f"feedforward (MFF). {len(done)} simulations of {seconds}; up to {_Count(table, 'seed')} "
-        "each. The paper's numbers are of one run each."
+        f"feedforward (MFF). {_Count(len(done), 'run')} of {seconds} (one that several studies "
+        f"share counts in each), up to {_Count(table, 'seed')} of a variant. The "
+        "paper's numbers are of one run each."
     )
     failures = reproduction.Failures()
     if failures:

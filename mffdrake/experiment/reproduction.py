@@ -83,7 +83,7 @@ def RunPlan(
         >>> from mffdrake.experiment.studies import MakeStudies
         >>> from mffdrake.experiment.study import PlanRuns
         >>> base = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
-        >>> plan = PlanRuns(MakeStudies(1, short=True)[1:2], base)
+        >>> plan = PlanRuns(MakeStudies(1, short=True)[:1], base)
         >>> result = RunPlan(plan, tempfile.mkdtemp(), executor=InProcess())
         >>> [row["status"] for row in result.rows] == 6 * ["done"], sorted(result.records)[0]
         (True, ('ga', 0.105))

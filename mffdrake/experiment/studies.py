@@ -227,6 +227,7 @@ def _OfTheFeedforward(seeds: int, short: bool) -> Iterator[Study]:
 def _Faster(seeds: int) -> Study:
     return Study(
         name="faster", title="Twice and four times the speed",
-        question="Beyond the paper's fastest path, as far as the joints allow.",
+        question="Beyond the paper's fastest path, as far as the joints allow. The arm swings the "
+        "more; its swing can carry the target out of the search range at first.",
         axis="omega [rad/s]", variants=_Table(omegas=(2 * _FAST, 4 * _FAST)), seeds=seeds,
     )  # fmt: skip
