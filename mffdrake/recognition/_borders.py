@@ -57,7 +57,7 @@ def _find_border(
     expected at ``expected`` and its inside lies against the direction ``outward`` (1 or -1).
     """
     nothing = (np.nan, 0.0)
-    k = int(math.floor(expected + 0.5))
+    k = math.floor(expected + 0.5)
     # All that can be read must be in the image.
     reach = window + blend + 3
     if k < reach or k + reach >= length:
@@ -174,11 +174,13 @@ def find_borders(
                 inside, other = other, inside
             if not cosines[inside] > min_cosine or math.isnan(lines[slot, L0]):
                 continue
+            if 0.0 < cosines[other] <= min_cosine:
+                continue  # The neighbor is a sliver, too narrow for its color to be told.
             around = abs(hues[inside] - hues[other])
             alike = min(around, 6.0 - around) <= 2.0 * hue_tolerance
             if alike and cosines[other] > -min_cosine:
                 continue  # The neighbor shows the same hue, or might.
-            outer_hue = hues[other : other + 1] if cosines[other] > min_cosine else hues[:0]
+            outer_hue = hues[other : other + 1] if cosines[other] > 0.0 else hues[:0]
             rows = lines[slot, ROWS] > 0.0
             # The side of the line on which the face's center appears
             p, q, r = centers[inside]
@@ -222,7 +224,8 @@ def find_jumps(
     VTK's FXAA, bends a border's last one or two pixels at the corners; those are no jumps.)
 
     Returns:
-        The slot of each jump, shape (n,), and its coordinate along and across, shape (n, 2) [px].
+        The slot of each jump, shape (n,), and for each, shape (n, 3): its coordinates along and
+        across [px] and within how many rows it lies, 1 where no row wavers.
     """
     n = len(slots)
     rounded = np.empty(n)
@@ -230,7 +233,7 @@ def find_jumps(
         to_pixel = 0.5 * (width - 1) if lines[slots[k], ROWS] > 0.0 else 0.5 * (height - 1)
         rounded[k] = math.floor(borders[k, 1] + to_pixel) + 0.5 - to_pixel
     jump_slots = np.empty(n, dtype=np.int64)
-    jumps = np.empty((n, 2))
+    jumps = np.empty((n, 3))
     count, last = 0, -1  # ``last``: the last row in the middle of three at one pixel
     for k in range(1, n - 1):
         if slots[k - 1] != slots[k + 1] or borders[k + 1, 0] - borders[k - 1, 0] != 2.0:
@@ -250,6 +253,7 @@ def find_jumps(
                 jump_slots[count] = slots[k]
                 jumps[count, 0] = borders[last, 0] + before + 0.5
                 jumps[count, 1] = 0.5 * (rounded[k] + rounded[last])
+                jumps[count, 2] = k - last - 2.0
                 count += 1
         last = k
     return jump_slots[:count], jumps[:count]

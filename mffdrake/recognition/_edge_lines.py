@@ -70,9 +70,24 @@ def edge_lines(
     and rows cross it, from v = ``FIRST`` to ``LAST``; else columns do. The depths [m] are those of
     the ends. ``SLOPE`` is how far the line moves from a row (column) to the next, at most 1.
     """
+    lines = np.full((2 * len(edges), 9), np.nan)
+    move_lines(lines, pose, vertices, edges, focal_length, baseline, True)
+    return lines
+
+
+@njit(cache=True, error_model="numpy")
+def move_lines(
+    lines: Array,
+    pose: Array,
+    vertices: Array,
+    edges: IntArray,
+    focal_length: float,
+    baseline: float,
+    with_slopes: bool,
+) -> None:
+    """Brings lines to another pose; each is crossed by rows or by columns as it was."""
     R, f = rotation(pose[3:]), focal_length
     num_edges = len(edges)
-    lines = np.full((2 * num_edges, 9), np.nan)
     ends = np.empty((2, 3))
     for slot in range(2 * num_edges):
         for k in range(2):
@@ -81,28 +96,30 @@ def edge_lines(
                 ends[k, i] = R[i, 0] * a + R[i, 1] * b + R[i, 2] * c + pose[i]
             if slot >= num_edges:
                 ends[k, 0] += baseline  # Eq. (16)
-        if min(ends[0, 2], ends[1, 2]) <= 0.0:
-            continue
         az, bz = ends[0, 2] / f, ends[1, 2] / f
+        if min(az, bz) <= 0.0:
+            lines[slot] = np.nan
+            continue
         l0 = ends[0, 1] * bz - az * ends[1, 1]
         l1 = az * ends[1, 0] - ends[0, 0] * bz
-        steep = abs(l0) >= abs(l1)
-        i = 1 if steep else 0
+        if math.isnan(lines[slot, ROWS]):
+            lines[slot, ROWS] = 1.0 if abs(l0) >= abs(l1) else 0.0
+        rows = lines[slot, ROWS] > 0.0
+        i = 1 if rows else 0
         lines[slot, L0], lines[slot, L1] = l0, l1
         lines[slot, L2] = ends[0, 0] * ends[1, 1] - ends[0, 1] * ends[1, 0]
-        lines[slot, ROWS] = 1.0 if steep else 0.0
         lines[slot, FIRST], lines[slot, LAST] = ends[0, i] / az, ends[1, i] / bz
         lines[slot, FIRST_DEPTH], lines[slot, LAST_DEPTH] = ends[0, 2], ends[1, 2]
-        lines[slot, SLOPE] = abs(l1 / l0) if steep else abs(l0 / l1)
-    return lines
+        if with_slopes:
+            lines[slot, SLOPE] = abs(l1 / l0) if rows else abs(l0 / l1)
 
 
 @njit(cache=True, error_model="numpy")
 def crossing(lines: Array, slot: int, at: float) -> float:
     """Where the row (or column) at a coordinate crosses a line: the other coordinate [px]."""
-    if lines[slot, ROWS] > 0.0:
-        return -(lines[slot, L1] * at + lines[slot, L2]) / lines[slot, L0]
-    return -(lines[slot, L0] * at + lines[slot, L2]) / lines[slot, L1]
+    l0, l1, l2 = lines[slot, L0], lines[slot, L1], lines[slot, L2]
+    other: float = -(l1 * at + l2) / l0 if lines[slot, ROWS] > 0.0 else -(l0 * at + l2) / l1
+    return other
 
 
 @njit(cache=True, error_model="numpy")
@@ -121,9 +138,7 @@ def crossing_jacobian(
     u, v = (other, at) if lines[slot, ROWS] > 0.0 else (at, other)
     # Along a straight edge the inverse depth is linear in the image.
     share = (at - lines[slot, FIRST]) / (lines[slot, LAST] - lines[slot, FIRST])
-    depth = 1.0 / (
-        (1.0 - share) / lines[slot, FIRST_DEPTH] + share / lines[slot, LAST_DEPTH]
-    )
+    depth = 1.0 / ((1.0 - share) / lines[slot, FIRST_DEPTH] + share / lines[slot, LAST_DEPTH])
     n0, n1, n2 = l0, l1, lines[slot, L2] / f
     q0, q1, q2 = u * depth / f - pose[0] - shift, v * depth / f - pose[1], depth - pose[2]
     scale = f / (depth * (l0 if lines[slot, ROWS] > 0.0 else l1))

@@ -22,6 +22,7 @@ from mffdrake.recognition._edge_lines import (
     crossing_jacobian,
     edge_lines,
     move,
+    move_lines,
 )
 
 Array = NDArray[np.float64]
@@ -34,8 +35,9 @@ SETTLED, TOO_FEW, SINGULAR, UNSETTLED = range(4)
 _TUKEY = 4.685  # where an error's weight becomes zero, for 95 % efficiency if errors are normal
 _STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
 _LEAST_HARDNESS = 0.1
+_SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
-_JUMP_FLOOR = 0.005  # [px] of a jump's error, as the slope is not exactly known
+_JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
 
 
 @njit(cache=True, error_model="numpy")
@@ -116,13 +118,19 @@ def normal_equations(
     for k in range(len(slots)):
         residuals[k] = borders[k, 1] - crossing(lines, slots[k], borders[k, 0])
     scale = max(border_error, 1.4826 * float(np.median(np.abs(residuals))))
+    # The cut is robust; what remains within it tells the variance.
+    total, trusted = 0.0, 0.0
+    for k in range(len(slots)):
+        weight = _robust(residuals[k] ** 2 / (scale * scale))
+        total += weight * residuals[k] ** 2
+        trusted += weight
+    spread = max(border_error**2, total / trusted)
     J = np.empty(6)
     shared = np.zeros((len(lines), 8))
     N[:], b[:] = 0.0, 0.0
-    trusted = 0.0
     for k in range(len(slots)):
         slot = slots[k]
-        variance = scale * scale
+        variance = spread
         if lines[slot, SLOPE] < _STEEPEST:
             # Borders that round to the same pixel share the error of it: together they count as
             # one. In a steeper edge those errors follow each other too fast to matter.
@@ -130,7 +138,6 @@ def normal_equations(
             same = min(length, 1.0 / max(lines[slot, SLOPE], 1e-9)) / spacing
             variance += hardness / 12.0 * same
         weight = _robust(residuals[k] ** 2 / (scale * scale))
-        trusted += weight
         shift = baseline if slot >= num_edges else 0.0
         crossing_jacobian(lines, slot, borders[k, 0], pose, focal_length, shift, J)
         _add(J, residuals[k], weight / variance, N, b, shared[slot])
@@ -138,8 +145,8 @@ def normal_equations(
         slot = jump_slots[k]
         if lines[slot, SLOPE] >= _STEEPEST:
             continue
-        # The rounding of rows: evenly spread over one, times how far the line moves in one.
-        variance = lines[slot, SLOPE] ** 2 / 12.0 + _JUMP_FLOOR**2
+        # It lies evenly spread over some rows, times how far the line moves in one.
+        variance = (lines[slot, SLOPE] * jumps[k, 2]) ** 2 / 12.0 + _JUMP_FLOOR**2
         r = jumps[k, 1] - crossing(lines, slot, jumps[k, 0])
         weight = _robust(r * r / (4.0 * (variance + edge_error**2) + jump_tolerance**2))
         shift = baseline if slot >= num_edges else 0.0
@@ -153,7 +160,7 @@ def normal_equations(
             for j in range(i + 1):
                 N[i, j] -= c * shared[slot, i] * shared[slot, j]
             b[i] -= c * shared[slot, i] * shared[slot, 6]
-    return scale, trusted
+    return math.sqrt(spread), trusted
 
 
 @njit(cache=True, error_model="numpy")
@@ -213,8 +220,8 @@ def refine(
         # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
         # image and 1/6 on average where every share occurs; rounding to steps of q makes it
         # (1 - q^2) / 6, so this is q^2.
-        hardness = min(1.0, max(0.0, 1.0 - 6.0 * borders[:, 2].mean()))
-        jump_slots, jumps = slots[:0], borders[:0, :2]
+        hardness = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * borders[:, 2].mean()))
+        jump_slots, jumps = slots[:0], borders[:0]
         if final and spacings[stage] == 1 and hardness > _LEAST_HARDNESS:
             jump_slots, jumps = find_jumps(slots, borders, lines, width, height)
         for k in range(steps[stage]):
@@ -231,8 +238,9 @@ def refine(
             for i in range(6):
                 advance += step[i] * b[i]
             pose = move(pose, step)
-            lines = edge_lines(pose, vertices, edges, focal_length, baseline)
-            if math.isnan(lines.sum()):
+            # Slopes set the weights, which must not change for ever.
+            move_lines(lines, pose, vertices, edges, focal_length, baseline, k < 3)
+            if not math.isfinite(lines.sum()):
                 return UNSETTLED, pose, covariance, statistics
             if advance < _SETTLED and k >= 2:
                 break
