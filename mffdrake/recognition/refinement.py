@@ -73,7 +73,7 @@ class RefinementParameters:
     border_error: float = 0.03
     edge_error: float = 0.01
     min_trusted: float = 0.5
-    max_position_std: float = 0.003
+    max_position_std: float = 0.002
     max_rotation_std_deg: float = 1.0
     max_shift: float = 0.030
     max_turn_deg: float = 10.0
