@@ -94,18 +94,18 @@ def _Check(plan: Sequence[PlannedRun]) -> None:
 @contextmanager
 def _WorkBar(runs: Sequence[PlannedRun]) -> Iterator[Callable[[PlannedRun, Record, bool], None]]:
     """A bar over the work that is done, as runs differ much; silent where nobody watches."""
-    form = "{desc}: {percentage:3.0f}%|{bar}|{postfix} [{elapsed}<{remaining}]"
+    form = "{desc}: {percentage:3.0f}%|{bar}| {unit} [{elapsed}<{remaining}]"
     quiet = not sys.stderr.isatty()
     total = sum(run.work for run in runs)
     with tqdm(total=total, desc="simulations", bar_format=form, disable=quiet) as bar:
-        ended = 0
+        ended, bar.unit = 0, f"0/{len(runs)} runs"
 
         def OnRun(run: PlannedRun, record: Record, kept: bool) -> None:
             nonlocal ended
             ended += 1
             if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
                 bar.initial += run.work
-            bar.set_postfix_str(f"{ended}/{len(runs)} runs", refresh=False)
+            bar.unit = f"{ended}/{len(runs)} runs"
             bar.update(run.work)
 
         yield OnRun

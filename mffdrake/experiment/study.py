@@ -10,7 +10,7 @@ from mffdrake.experiment.scenario import LoadScenario, Scenario
 
 __all__ = ["PlanRuns", "PlannedRun", "Study", "Variant"]
 
-_VTK_WORK = 8.0  # Times as long as with the flat renderer, on two cores without a GPU.
+_VTK_WORK = 12.0  # Times as long as with the flat renderer, on two cores without a GPU.
 
 
 @dataclass(frozen=True, kw_only=True)

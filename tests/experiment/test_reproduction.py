@@ -14,8 +14,10 @@ from html.parser import HTMLParser
 import cv2
 import psutil
 import pytest
+from terminal import on_terminal
 from worker_functions import wait_for
 
+from mffdrake.experiment.cluster import DaskCluster
 from mffdrake.experiment.evaluation import Evaluate
 from mffdrake.experiment.executors import InProcess
 from mffdrake.experiment.local_processes import LocalProcesses
@@ -186,6 +188,16 @@ def test_after_sigkill_the_same_command_goes_on(tmp_path):
     assert {key: after[key] for key in before} == before
 
 
+def test_on_a_terminal_a_bar_shows_the_time_left_and_ctrl_c_keeps_what_is_done(tmp_path):
+    status, shown = on_terminal(*SHORT, cwd=tmp_path, ctrl_c_at=" 1/28 runs")
+    assert status == 130
+    assert "interrupted" in shown.splitlines()[-1] and "Traceback" not in shown
+    assert re.search(r"simulations: +\d+%\|.*\| 1/28 runs \[\d\d:\d\d<\d\d:\d\d\]", shown), shown
+    assert 1 <= len(stored(tmp_path / "out")) < 28
+    left = [name for name in files(tmp_path / "out") if not name.startswith("records/")]
+    assert left == ["runs.sqlite"]
+
+
 def test_help_lists_the_options_and_how_long_it_takes(tmp_path):
     finished = mffdrake("reproduce", "--help", cwd=tmp_path)
     assert (finished.returncode, finished.stderr) == (0, "")
@@ -297,6 +309,17 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
         assert row["rms"] == Evaluate(expected)["rms"]
         frames = result.records[row["method"], row["omega"]]
         assert frames.recognized_pose.tobytes() == expected.recognized_pose.tobytes()
+
+
+def test_a_dask_cluster_gives_the_same_rows_and_frames(cluster, tmp_path):
+    cluster.add_worker()
+    (near,) = (s for s in MakeStudies(1, short=True) if s.name == "near")
+    plan = PlanRuns([near], LoadScenario(text=BASE))
+    here = RunPlan(plan, tmp_path / "here", executor=InProcess())
+    there = RunPlan(plan, tmp_path / "there", executor=DaskCluster(cluster.address))
+    assert [row["rms"] for row in there.rows] == [row["rms"] for row in here.rows]
+    for key, record in here.records.items():
+        assert there.records[key].fitness.tobytes() == record.fitness.tobytes()
 
 
 def test_frames_that_are_lost_are_simulated_again(tmp_path):
