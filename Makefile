@@ -1,3 +1,3 @@
 PYTHON ?= python3
-.PHONY: demo test lint lab
-demo test lint lab: ; @$(PYTHON) tools/dev.py $@ -- $(ARGS)
+.PHONY: demo quick-demo test lint lab bench
+demo quick-demo test lint lab bench: ; @$(PYTHON) tools/dev.py $@ -- $(ARGS)

@@ -2,39 +2,72 @@
 
     python benchmarks/recognition.py
 
-Prints medians over many generations, for several population sizes, on images of an empty scene: the
-cost does not depend on what the images show.
+On flat-colored images of the box, with the population where it is after 60 generations. The first
+column is the cost relative to the default's, in the same run.
 """
 
-import statistics
-import time
+import itertools
 
 import numpy as np
+from tables import markdown, median_ms
 
 import mffdrake as mff
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.scenario import LoadScenario
 
 GENERATIONS = 300
+DEFAULT = {"population": 60, "spacing": 0.020, "width": 640}
+POPULATIONS = (30, 60, 120, 240)
+SPACINGS = (0.040, 0.020, 0.010, 0.005)
+WIDTHS = (320, 640, 1280)
 
 
-def time_generation(population_size: int) -> float:
-    """Median wall time of one generation [ms]."""
+def images(width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both images at the path's start."""
+    camera = f"{{width: {width}, height: {width * 3 // 4}}}"
+    text = f"{{renderer: flat, duration: 1.0, camera: {camera}}}"
+    diagram = MakeHandEyeDiagram(LoadScenario(text=text))
+    context = diagram.CreateDefaultContext()
+    return tuple(
+        diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
+        for side in ("right", "left")
+    )
+
+
+def time_generation(*, population: int, spacing: float, width: int) -> tuple[float, int]:
+    """Median wall time of a generation [ms], and the number of the model's points."""
     box = mff.SolidModel.from_mesh_file(mff.FindModelsPath() / "target_box.obj")
+    model = mff.SearchModel(box, mff.SamplingParameters(spacing=spacing))
+    camera = mff.StereoCamera.from_fov(width=width, height=width * 3 // 4, fov_y=0.785)
     tracker = mff.OneStepGaTracker(
-        matcher=mff.Matcher(mff.SearchModel(box), mff.StereoCamera()),
-        parameters=mff.GeneticParameters(population_size=population_size),
+        matcher=mff.Matcher(model, camera),
+        parameters=mff.GeneticParameters(population_size=population),
         start=mff.NearStart([0.0, 0.155, 0.8, 0.0, 0.0, 0.0]),
     )
-    image = np.full((480, 640, 4), 128, dtype=np.uint8)
-    generation = tracker.start_population(image, image)
-    times = []
-    for frame in range(1, GENERATIONS + 1):
-        start = time.perf_counter()
-        generation = tracker.track(generation, image, image, frame=frame)
-        times.append(time.perf_counter() - start)
-    return 1e3 * statistics.median(times)
+    right, left = images(width)
+    generation = tracker.start_population(right, left)
+    for frame in range(1, 61):
+        generation = tracker.track(generation, right, left, frame=frame)
+    frames = itertools.count(61)
+    ms = median_ms(lambda: tracker.track(generation, right, left, frame=next(frames)), GENERATIONS)
+    strip = len(model.edge_points) * len(model.strip_offsets)
+    return ms, len(model.inside_points) + strip
+
+
+def table() -> str:
+    """Cost of a generation against population, points and image size."""
+    variants = [DEFAULT | {"population": size} for size in POPULATIONS]
+    variants += [DEFAULT | {"spacing": spacing} for spacing in SPACINGS]
+    variants += [DEFAULT | {"width": width} for width in WIDTHS]
+    usual, _ = time_generation(**DEFAULT)
+    rows = []
+    for variant in variants:
+        ms, points = time_generation(**variant)
+        size = f"{variant['width']} x {variant['width'] * 3 // 4}"
+        rows.append([f"{ms / usual:.2f}", variant["population"], points, size, f"{ms:.2f}"])
+    header = ["cost / default's", "population", "points of the model", "images", "generation [ms]"]
+    return markdown(header, rows)
 
 
 if __name__ == "__main__":
-    print("| population | ms a generation |\n|---:|---:|")
-    for size in (30, 60, 120, 240):
-        print(f"| {size} | {time_generation(size):.2f} |")
+    print(table())

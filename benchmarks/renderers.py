@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
+from tables import markdown
 
 import mffdrake as mff
 from mffdrake.systems.flat_renderer import AddFlatRenderer
@@ -52,13 +53,19 @@ def time_pair(renderer: str, width: int, height: int) -> float:
         plant.SetPositions(plant_context, arm, NOMINAL_POSITIONS + 1e-4 * k)
         start = time.perf_counter()
         for port in ports:
-            port.Eval(stereo_context)
+            port.EvalAbstract(stereo_context)
         times.append(time.perf_counter() - start)
     return 1e3 * statistics.median(times)
 
 
-if __name__ == "__main__":
-    print("| image size | vtk / flat | vtk [ms a pair] | flat [ms a pair] |\n|---:|---:|---:|---:|")
+def table() -> str:
+    """Times of a pair against the image size."""
+    rows = []
     for width, height in SIZES:
         vtk, flat = time_pair("vtk", width, height), time_pair("flat", width, height)
-        print(f"| {width} x {height} | {vtk / flat:.0f} | {vtk:.1f} | {flat:.2f} |", flush=True)
+        rows.append([f"{width} x {height}", f"{vtk / flat:.0f}", f"{vtk:.1f}", f"{flat:.2f}"])
+    return markdown(["images", "vtk / flat", "vtk [ms a pair]", "flat [ms a pair]"], rows)
+
+
+if __name__ == "__main__":
+    print(table())

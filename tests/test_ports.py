@@ -34,6 +34,8 @@ from mffdrake.recognition import (
     SolidModel,
     StereoCamera,
 )
+from mffdrake.systems.camera_delay import GeometryPoser
+from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PdController
@@ -105,7 +107,16 @@ def make_hand_eye():
     return MakeHandEyeDiagram(LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}"))
 
 
+def make_geometry_poser():
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), time_step=0.001)
+    AddPa10(plant)
+    plant.Finalize()
+    return GeometryPoser(plant)
+
+
 SYSTEMS = {
+    "GeometryPoser": make_geometry_poser,
+    "JointEncoders": lambda: JointEncoders(noise=0.01),
     "AddStereoCamera": make_stereo_camera,
     "MakeHandEyeDiagram": make_hand_eye,
     "MffPredictor": lambda: MffPredictor(plant=MakePa10Plant()),

@@ -22,8 +22,8 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    "experiment/commands.py", "experiment/main.py", "experiment/sweep_command.py",
-    "systems/_graphics_probe.py",
+    "experiment/commands.py", "experiment/main.py", "experiment/reproduce_command.py",
+    "experiment/sweep_command.py", "systems/_graphics_probe.py",
 }  # fmt: skip
 
 

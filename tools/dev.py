@@ -1,4 +1,4 @@
-"""Sets this checkout up and runs it: python3 tools/dev.py demo|test|lint|lab [-- ARGUMENTS].
+"""Sets this checkout up and runs it: python3 tools/dev.py TARGET [-- ARGUMENTS] (see TARGETS).
 
 The first run installs the missing system packages (with apt, as root or with password-less sudo;
 otherwise it prints the command and stops), makes .venv and installs the project in it. Later runs
@@ -19,7 +19,10 @@ import subprocess
 import sys
 
 # What each target runs, as arguments of .venv/bin/python, one after the other.
-DEMO = [["-m", "mffdrake", "compare", "--workers", "2", "--graphviz", "out/diagram.svg"]]
+DIAGRAM = ["--workers", "2", "--graphviz", "out/diagram.svg"]
+DEMO = [["-m", "mffdrake", "reproduce", "--short", *DIAGRAM]]
+QUICK_DEMO = [["-m", "mffdrake", "compare", "--renderer", "flat", *DIAGRAM]]
+BENCH = [["benchmarks/report.py"]]
 TEST = [["-m", "pytest"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]
@@ -27,6 +30,8 @@ LAB = [["-m", "jupyterlab", "notebooks"]]
 # Target: its commands, the project's extras they need, and whether they draw.
 TARGETS = {
     "demo": (DEMO, {"dev"}, True),
+    "quick-demo": (QUICK_DEMO, {"dev"}, True),
+    "bench": (BENCH, {"dev"}, True),
     "test": (TEST, {"dev"}, True),
     "lint": (LINT, {"dev"}, False),
     "lab": (LAB, {"dev", "notebooks"}, True),

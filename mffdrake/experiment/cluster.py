@@ -17,8 +17,13 @@ if TYPE_CHECKING:
 
 __all__ = ["ClusterError", "DaskCluster"]
 
+_log = logging.getLogger(__name__)
 _PATIENCE = 10.0  # s; how long a scheduler may take to answer
 _CHECK_PERIOD = 1.0  # s; how often to look whether the scheduler is still there
+
+# The one thread of a worker that simulates: graphics contexts belong to a thread. It starts when
+# it is first used.
+_SIMULATION_THREAD = ThreadPoolExecutor(1, thread_name_prefix="simulation")
 
 
 class ClusterError(RuntimeError):
@@ -99,15 +104,28 @@ class DaskCluster:
         pending = {future.key: index for index, future in enumerate(futures)}
         while futures:  # The cluster forgets a run whose future is gone.
             futures.pop().add_done_callback(ended.put)
+        lonely = False
         while pending:
             try:
                 future = ended.get(timeout=_CHECK_PERIOD)
             except queue.Empty:
                 self._RequireScheduler()
+                lonely = self._WarnWithoutWorkers(lonely)
                 continue
             if future.status in ("cancelled", "lost"):
                 self._RequireScheduler()
             yield _OutcomeOf(future, pending.pop(future.key))
+
+    def _WarnWithoutWorkers(self, warned: bool) -> bool:
+        """Says once, each time that it happens, why nothing goes on; returns whether it has."""
+        assert self._client is not None
+        lonely = not self._client.nthreads()
+        if lonely and not warned:
+            _log.warning(
+                "the Dask scheduler at '%s' has no workers; waiting for some to join ('dask worker "
+                "%s' starts one)", self._address, self._address,
+            )  # fmt: skip
+        return lonely
 
     def _RequireScheduler(self) -> None:
         if self._client is None or self._client.status != "running":
@@ -130,11 +148,5 @@ def _OutcomeOf(future: Future, index: int) -> Outcome:
     return Outcome(index=index, exception=error)
 
 
-@functools.cache
-def _SimulationThread() -> ThreadPoolExecutor:
-    """The one thread of a worker that simulates: graphics contexts belong to a thread."""
-    return ThreadPoolExecutor(1, thread_name_prefix="simulation")
-
-
 def _InOneThread(function: Callable[..., Any], values: tuple[Any, ...]) -> Any:
-    return _SimulationThread().submit(function, *values).result()
+    return _SIMULATION_THREAD.submit(function, *values).result()

@@ -30,6 +30,7 @@ from mffdrake.experiment.plotting import (
     PlotToFile,
     SaveFigure,
 )
+from mffdrake.experiment.reproduce_command import RunReproduce
 from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.store import StoreError
@@ -59,7 +60,7 @@ def RunCommand(options: argparse.Namespace) -> int:
         options: What the command line's parser made of the arguments.
 
     Returns:
-        The exit status: 0, or 1 when runs of a sweep failed.
+        The exit status: 0, or 1 when runs of a sweep or a reproduction failed.
 
     Raises:
         UserError: On bad input; the message is for the person who gave it.
@@ -67,6 +68,9 @@ def RunCommand(options: argparse.Namespace) -> int:
     try:
         if options.command == "sweep":
             return RunSweep(options)
+        if options.command == "reproduce":
+            _CheckFiles(options)
+            return RunReproduce(options)
         _CheckFiles(options)
         scenario = _LoadScenario(options)
         folder = MakeOutputFolder(options.out)
@@ -83,7 +87,7 @@ def _CheckFiles(options: argparse.Namespace) -> None:
     """Finds out before any long work whether the wanted files can be written."""
     for option, path, suffixes in (
         ("--graphviz", options.graphviz, (".svg", ".png")),
-        ("--replay", options.replay, (".html",)),
+        ("--replay", getattr(options, "replay", None), (".html",)),
     ):
         if path is None:
             continue

@@ -5,13 +5,19 @@ from __future__ import annotations
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.geometry import Meshcat, Role, SceneGraph
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.geometry import Meshcat, Role
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from mffdrake.experiment.scenario import Scenario, ScenarioError
-from mffdrake.experiment.scenario_sections import ControllerConfig
+from mffdrake.experiment.parts import (
+    AddEncoders,
+    AddSceneRenderer,
+    MakeCamera,
+    MakeController,
+    MakeTracker,
+)
+from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.target import (
     AddTarget,
     CalcDesiredPose,
@@ -20,27 +26,15 @@ from mffdrake.experiment.target import (
     WarnOutside,
 )
 from mffdrake.experiment.visualization import AddMeshcat
-from mffdrake.recognition import (
-    Matcher,
-    NearStart,
-    OneStepGaTracker,
-    RandomStart,
-    SearchModel,
-    SolidModel,
-    Start,
-    StereoCamera,
-)
-from mffdrake.systems.graphics import GraphicsUnavailableError
+from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
+from mffdrake.systems.pa10 import NUM_JOINTS, AddCameraFrames, AddPa10, MakePa10Plant
+from mffdrake.systems.pd_controller import AddGravityCompensation
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer
-from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
-from mffdrake.systems.timing import Timing
 
-__all__ = ["CheckScenario", "MakeHandEyeDiagram", "MakeTracker"]
+__all__ = ["CheckScenario", "MakeHandEyeDiagram"]
 
 
 def CheckScenario(scenario: Scenario) -> None:
@@ -64,7 +58,7 @@ def CheckScenario(scenario: Scenario) -> None:
     target = AddTarget(plant, scenario)
     plant.Finalize()
     mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
-    WarnOutside(scenario, LoadSolid(mesh, scenario), _MakeCamera(scenario))
+    WarnOutside(scenario, LoadSolid(mesh, scenario), MakeCamera(scenario))
 
 
 def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:
@@ -72,7 +66,9 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
     ``scene_graph``, ``render_scene``, ``stereo_camera``, ``recognizer`` and, for the method "mff",
-    ``predictor``.
+    ``predictor``. Where the scenario has a camera latency or encoder noise, there are a
+    ``camera_delay``, a ``geometry_poser`` and ``joint_encoders``, too. The port ``exposed_state``
+    is the state that the images show.
     The arm's default state is at rest at the path's first pose. All systems see the state of the
     present time: the plant's ports are not sampled.
 
@@ -83,6 +79,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         - stereo_camera.color_image_right
         - stereo_camera.color_image_left
         - state
+        - exposed_state
         - desired_state
         - actuation
         - recognizer.pose
@@ -111,9 +108,11 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     """
     scenario.Validate()
     timing = scenario.timing.Make()
-    camera = _MakeCamera(scenario)
+    camera = MakeCamera(scenario)
     p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
-    arm = MakePa10Plant(p_EC=p_EC, baseline=baseline)
+    # The arm as the controller and the predictor know it
+    R_EC = RollPitchYaw(np.radians(scenario.predictor.hand_eye_error_deg)).ToRotationMatrix()
+    arm = MakePa10Plant(p_EC=p_EC, R_EC=R_EC, baseline=baseline)
     path = SolveHandPath(arm, scenario.hand_path.Make(), duration=scenario.duration)
 
     builder = DiagramBuilder()
@@ -129,17 +128,16 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
 
     source = AddHandPathSource(builder, path)
-    controller = builder.AddNamedSystem(
-        "pd_controller", _MakeController(scenario.controller, arm, timing)
-    )
+    controller = builder.AddNamedSystem("pd_controller", MakeController(scenario, arm))
     builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    builder.Connect(plant.get_state_output_port(), controller.GetInputPort("estimated_state"))
+    estimated_state = AddEncoders(builder, plant, scenario)
+    builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
     builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
     if scenario.controller.gravity_compensation:
         AddGravityCompensation(
             builder,
             arm_plant=arm,
-            estimated_state=plant.get_state_output_port(),
+            estimated_state=estimated_state,
             feedforward_torque=controller.GetInputPort("feedforward_torque"),
         )
 
@@ -149,16 +147,26 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     render_scene = builder.AddNamedSystem("render_scene", scene_graph.Clone())
     for geometry in scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
         scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    builder.Connect(
-        plant.get_geometry_pose_output_port(),
-        render_scene.get_source_pose_port(plant.get_source_id()),
+    exposed_state = AddDelay(
+        builder,
+        plant.get_state_output_port(),
+        latency=scenario.camera.latency,
+        initial_value=np.append(path.value(0.0), np.zeros(NUM_JOINTS)),
+        timing=timing,
+        name="camera_delay",
     )
+    geometry_pose = plant.get_geometry_pose_output_port()
+    if scenario.camera.latency > 0.0:
+        poser = builder.AddNamedSystem("geometry_poser", GeometryPoser(plant))
+        builder.Connect(exposed_state, poser.get_input_port())
+        geometry_pose = poser.get_output_port()
+    builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
     stereo = AddStereoCamera(
         builder,
         plant=plant,
         scene_graph=render_scene,
         camera=camera,
-        renderer=_AddRenderer(render_scene, scenario),
+        renderer=AddSceneRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
     solid = LoadSolid(mesh, scenario)
@@ -178,12 +186,14 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
                 plant=arm,
                 num_hypotheses=recognizer.num_hypotheses,
                 mode=cast(Literal["rigid", "velocity"], scenario.predictor.mode),
-                latency=scenario.predictor.latency,
+                latency=scenario.camera.latency
+                if scenario.predictor.latency is None
+                else scenario.predictor.latency,
                 gain=scenario.predictor.gain,
                 timing=timing,
             ),
         )
-        builder.Connect(plant.get_state_output_port(), predictor.GetInputPort("estimated_state"))
+        builder.Connect(estimated_state, predictor.GetInputPort("estimated_state"))
         for output, system in (("population", recognizer), ("predicted_population", predictor)):
             receiver = predictor if system is recognizer else recognizer
             builder.Connect(system.GetOutputPort(output), receiver.GetInputPort(output))
@@ -198,6 +208,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
             mesh=mesh,
         )
     builder.ExportOutput(plant.get_state_output_port(), "state")
+    builder.ExportOutput(exposed_state, "exposed_state")
     builder.ExportOutput(source.get_output_port(), "desired_state")
     builder.ExportOutput(controller.GetOutputPort("actuation"), "actuation")
     for name in ("pose", "X_CM", "fitness", "population"):
@@ -206,68 +217,3 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     diagram = builder.Build()
     diagram.set_name("hand_eye")
     return diagram
-
-
-def MakeTracker(
-    scenario: Scenario, solid: SolidModel, start_pose: NDArray[np.float64]
-) -> OneStepGaTracker:
-    """The scenario's tracker for a solid.
-
-    Args:
-        scenario: Its ``recognizer``, ``camera`` and ``seed`` count.
-        solid: The object to recognize.
-        start_pose: Where the first population lies for ``start: near_target``: the target's pose
-            vector in the right camera, shape (6,).
-
-    Returns:
-        The tracker.
-    """
-    config = scenario.recognizer
-    position_spread, quaternion_spread = config.start_spread
-    starts: dict[str, Start] = {
-        "random": RandomStart(),
-        "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
-    }
-    model = SearchModel(solid, config.MakeSampling())
-    return OneStepGaTracker(
-        matcher=Matcher(model, _MakeCamera(scenario), config.MakeMatching()),
-        coding=config.MakeCoding(),
-        parameters=config.MakeParameters(),
-        local_moves=config.MakeLocalMoves(),
-        generations_per_frame=config.generations_per_frame,
-        start=starts[config.start],
-        seed=scenario.seed,
-    )
-
-
-def _MakeCamera(scenario: Scenario) -> StereoCamera:
-    config = scenario.camera
-    return StereoCamera.from_fov(
-        width=config.width,
-        height=config.height,
-        fov_y=np.radians(config.fov_y_deg),
-        baseline=config.baseline,
-    )
-
-
-def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
-    """Adds the renderer, which is when the target's mesh is read for drawing."""
-    try:
-        return AddRenderer(scene_graph, scenario.renderer)
-    except GraphicsUnavailableError:
-        raise
-    except (RuntimeError, ValueError, NotImplementedError) as error:
-        reason = " ".join(str(error).split())
-        raise ScenarioError(
-            f"target.model '{scenario.target.model}' cannot be drawn: {reason}"
-        ) from error
-
-
-def _MakeController(config: ControllerConfig, arm: MultibodyPlant, timing: Timing) -> PdController:
-    preset: PdGains = PD_GAINS[config.gains]
-    return PdController(
-        kp=preset.kp if config.kp is None else config.kp,
-        kd=preset.kd if config.kd is None else config.kd,
-        effort_limit=arm.GetEffortUpperLimits(),
-        timing=timing,
-    )

@@ -1,4 +1,4 @@
-"""The command line: ``mffdrake run``, ``mffdrake compare`` and ``mffdrake sweep``."""
+"""The command line: ``mffdrake run``, ``compare``, ``sweep`` and ``reproduce``."""
 
 from __future__ import annotations
 
@@ -48,28 +48,34 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--scenario-text", metavar="YAML", help="scenario as YAML, on top of the file")
     add("--duration", metavar="S", type=_Positive(float), help="simulated time [s]")
     add("--seed", metavar="N", type=int, help="seed of the random numbers, of several the first")
-    add("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     add("--verbose", action="store_true", help="say more on the way")
-    pictures = _Parser(add_help=False)
-    add = pictures.add_argument
-    add("--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG")
-    add(
+    renderer = _Parser(add_help=False)
+    renderer.add_argument("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
+    diagram = _Parser(add_help=False)
+    diagram.add_argument(
+        "--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG"
+    )
+    replay = _Parser(add_help=False)
+    replay.add_argument(
         "--replay", metavar="FILE.html",
         help="write a Meshcat recording (of the last run) as one HTML file",
     )  # fmt: skip
+    pictures = [common, renderer, diagram, replay]
 
     parser = _Parser(
         prog="mffdrake",
         description="Recognizes a target's pose with stereo cameras on a moving robot hand.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('mffdrake')}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run|compare|sweep")
-    run = commands.add_parser("run", parents=[common, pictures], help="one simulation")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="run|compare|sweep|reproduce"
+    )
+    run = commands.add_parser("run", parents=pictures, help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
     run.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
     compare = commands.add_parser(
-        "compare", parents=[common, pictures], help="methods x speeds x seeds, with a table"
+        "compare", parents=pictures, help="methods x speeds x seeds, with a table"
     )
     compare.add_argument(
         "--methods", metavar="M", nargs="+", default=["ga", "mff"], help="methods (default: ga mff)"
@@ -84,7 +90,9 @@ def _MakeParser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _AddPlaces(compare, "1")
     sweep = commands.add_parser(
-        "sweep", parents=[common], help="a grid of scenarios, with a table; goes on where it was"
+        "sweep",
+        parents=[common, renderer],
+        help="a grid of scenarios, with a table; goes on where it was",
     )
     sweep.add_argument("grid", metavar="GRID.yaml", help="file with the grid")
     sweep.add_argument(
@@ -92,7 +100,34 @@ def _MakeParser() -> argparse.ArgumentParser:
         help="of the table of results (default: parquet)",
     )  # fmt: skip
     _AddPlaces(sweep, "the number of cores")
+    reproduce = commands.add_parser(
+        "reproduce", parents=[common, diagram],
+        help="the paper's figures and table, and more, as a report; goes on where it was",
+        description="Runs the paper's experiment with many seeds and studies beyond it, and writes "
+        "a report. With the defaults that takes about an hour on two cores, with --short a "
+        "minute. The same command goes on where it was interrupted.",
+    )  # fmt: skip
+    reproduce.add_argument(
+        "--seeds", metavar="K", type=_Positive(int), default=20,
+        help="number of seeds of the paper's table, from --seed on; the studies beyond it have "
+        "at most 5 (default: 20)",
+    )  # fmt: skip
+    reproduce.add_argument(
+        "--vtk-seeds", metavar="K", type=_NotNegative, default=5,
+        help="of the same table on VTK's images; 0 leaves it out (default: 5)",
+    )  # fmt: skip
+    reproduce.add_argument(
+        "--short", action="store_true",
+        help="one seed, the flat renderer alone, and a few of the studies",
+    )  # fmt: skip
+    _AddPlaces(reproduce, "the number of cores")
     return parser
+
+
+def _NotNegative(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 on, not '{text}'")
+    return int(text)
 
 
 def _AddPlaces(command: argparse.ArgumentParser, default: str) -> None:
@@ -116,8 +151,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; the process's own by default.
 
     Returns:
-        The exit status: 0, 1 when runs of a sweep failed, 2 after a message on bad input, or 130
-        after an interrupt.
+        The exit status: 0, 1 when runs of a sweep or a reproduction failed, 2 after a message on
+        bad input, or 130 after an interrupt.
     """
     options = _MakeParser().parse_args(arguments)
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
@@ -145,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _NeedsWorkers(options: argparse.Namespace) -> bool:
     if options.command == "run" or options.scheduler:
         return False
-    return options.command == "sweep" or (options.workers or 1) > 1
+    return options.command in ("sweep", "reproduce") or (options.workers or 1) > 1
 
 
 if __name__ == "__main__":

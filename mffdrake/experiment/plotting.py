@@ -35,7 +35,7 @@ _COORDINATES = (
 )  # fmt: skip
 _LABELS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
 _COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
-_TRUE = {"color": "0.6", "linewidth": 3.0, "label": "true"}
+_TRUE: dict[str, Any] = {"color": "0.7", "linewidth": 3.0, "label": "true"}
 
 
 def _Figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, NDArray[Any]]:
@@ -65,8 +65,10 @@ def _SixPanels(title: str) -> tuple[Figure, list[Axes]]:
     for axis, (label, _) in zip(axes.flat, _COORDINATES, strict=True):
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
+        axis.margins(x=0.01)
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
+    figure.align_ylabels()
     figure.suptitle(title)
     return figure, list(axes.flat)
 
@@ -97,34 +99,45 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         results: Records of one or more methods on the same path.
 
     Returns:
-        The figure: seven panels over time. The range of each follows the true pose (a wide gray
-        line), so that wild guesses at the start run out of the panel instead of hiding the rest.
+        The figure: seven panels over time, the fitness below the others. The range of each follows
+        the true pose (a wide gray line), so that wild guesses at the start run out of the panel
+        instead of hiding the rest.
     """
-    figure, axes = _Figure(7, 1, (10.0, 13.0))
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 9.0), layout="constrained")
+    grid = figure.add_gridspec(4, 2)
+    axes = [figure.add_subplot(grid[k % 3, k // 3]) for k in range(6)]
+    axes.append(figure.add_subplot(grid[3, :]))
     scenario = LoadScenario(text=results[0].scenario)
     figure.suptitle(
         f"Target's pose in the right camera, omega = {scenario.hand_path.omega:g} rad/s, "
         f"seed {scenario.seed}"
     )
-    for k, (axis, (label, scale)) in enumerate(zip(axes[:6, 0], _COORDINATES, strict=True)):
+    for k, (axis, (label, scale)) in enumerate(zip(axes[:6], _COORDINATES, strict=True)):
         true = scale * results[0].true_pose[:, k]
         axis.plot(results[0].time, true, **_TRUE)
         for result in results:
             method = LoadScenario(text=result.scenario).method
-            style = {"color": _COLORS[method], "label": _LABELS[method], "linewidth": 0.8}
-            axis.plot(result.time, scale * result.recognized_pose[:, k], **style)
+            axis.plot(
+                result.time, scale * result.recognized_pose[:, k],
+                color=_COLORS[method], label=_LABELS[method], linewidth=0.8,
+            )  # fmt: skip
         room = max(np.ptp(true), 40.0 if k < 3 else 0.08)
         axis.set_ylim(true.min() - 0.6 * room, true.max() + 0.6 * room)
         axis.set_ylabel(label)
     for result in results:
         method = LoadScenario(text=result.scenario).method
-        axes[6, 0].plot(result.time, result.fitness, color=_COLORS[method], linewidth=0.8)
-    axes[6, 0].set_ylabel("fitness")
-    axes[6, 0].set_ylim(0.0, 1.05)
-    axes[6, 0].set_xlabel("time [s]")
-    for axis in axes[:, 0]:
+        axes[6].plot(result.time, result.fitness, color=_COLORS[method], linewidth=0.8)
+    axes[6].set_ylabel("fitness")
+    axes[6].set_ylim(0.0, 1.05)
+    axes[6].set_xlabel("time [s]")
+    for axis in axes:
         axis.grid(alpha=0.3)
-    axes[0, 0].legend(loc="upper right", ncols=len(results) + 1)
+        axis.margins(x=0.01)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.align_ylabels()
     return figure
 
 

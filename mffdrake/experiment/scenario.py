@@ -14,6 +14,7 @@ from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml, Scen
 from mffdrake.experiment.scenario_sections import (
     CameraConfig,
     ControllerConfig,
+    EncodersConfig,
     HandPathConfig,
     PredictorConfig,
     RecognizerConfig,
@@ -37,6 +38,7 @@ class Scenario:
         hand_path: The hand's desired path.
         controller: The PD controller.
         camera: The stereo camera.
+        encoders: The joint encoders.
         target: The object to recognize.
         recognizer: The recognizer.
         predictor: The motion feedforward.
@@ -55,6 +57,7 @@ class Scenario:
     hand_path: HandPathConfig = dc.field(default_factory=HandPathConfig)
     controller: ControllerConfig = dc.field(default_factory=ControllerConfig)
     camera: CameraConfig = dc.field(default_factory=CameraConfig)
+    encoders: EncodersConfig = dc.field(default_factory=EncodersConfig)
     target: TargetConfig = dc.field(default_factory=TargetConfig)
     recognizer: RecognizerConfig = dc.field(default_factory=RecognizerConfig)
     predictor: PredictorConfig = dc.field(default_factory=PredictorConfig)
@@ -146,13 +149,18 @@ class Scenario:
             except ValueError as error:
                 message = str(error).removeprefix(f"{section.rpartition('.')[2]}: ")
                 raise ScenarioError(f"{section}: {message}") from error
-        latency, period = self.predictor.latency, self.timing.control_period
-        _Require(
-            0 <= latency < math.inf and abs(latency / period - round(latency / period)) < 1e-6,
-            "predictor.latency",
-            latency,
-            f"must be at least 0 and a whole multiple of timing.control_period ({period})",
-        )
+        for section, latency in (
+            ("camera", self.camera.latency),
+            ("predictor", self.predictor.latency or 0.0),
+        ):
+            try:
+                self.timing.Make().CheckLatency(latency)
+            except ValueError as error:
+                raise ScenarioError(f"{section}.{error}") from error
+        noise = self.encoders.noise_deg
+        _Require(0 <= noise < math.inf, "encoders.noise_deg", noise, "must be at least 0")
+        error_deg = self.predictor.hand_eye_error_deg
+        _Length("predictor.hand_eye_error_deg", error_deg, 3)
         _Require(
             math.isfinite(self.predictor.gain),
             "predictor.gain",

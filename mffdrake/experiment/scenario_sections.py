@@ -26,6 +26,7 @@ from mffdrake.systems.timing import Timing
 __all__ = [
     "CameraConfig",
     "ControllerConfig",
+    "EncodersConfig",
     "HandPathConfig",
     "LocalMovesConfig",
     "MatchingConfig",
@@ -101,6 +102,7 @@ class CameraConfig:
         fov_y_deg: Vertical field of view [deg].
         baseline: Distance between the cameras [m].
         p_EC: The right camera's position in the hand's frame [m].
+        latency: Age of the images when they arrive [s], a whole multiple of the control period.
     """
 
     width: int = 640
@@ -108,6 +110,18 @@ class CameraConfig:
     fov_y_deg: float = 45.0
     baseline: float = DEFAULT_BASELINE
     p_EC: list[float] = _List(DEFAULT_P_EC)
+    latency: float = 0.0
+
+
+@dc.dataclass(kw_only=True, slots=True)
+class EncodersConfig:
+    """The joint encoders, which the controller and the motion feedforward read.
+
+    Attributes:
+        noise_deg: Standard deviation of a joint angle's error, another one every tick [deg].
+    """
+
+    noise_deg: float = 0.0
 
 
 @dc.dataclass(kw_only=True, slots=True)
@@ -191,11 +205,12 @@ class RecognizerConfig:
         generations_per_frame: Generations on one frame's images; the paper's 1.
         coding: "binary" (the paper's) or "gray".
         bits: Bits a gene.
-        survivor_share: See `GeneticParameters`, as for the next four.
+        survivor_share: See `GeneticParameters`, as for the next five.
         mutation_probability: Chance of a bit to flip.
         local_share: Share of the children that are small motions of the best individual.
         newcomer_share: Share of the children drawn over the whole range.
         first_candidates: The first population is the best of so many times its size.
+        average_best: Whether the mean of the equally best takes a place.
         search_range: Least and greatest of x, y, z [m], eps1, eps2, eps3.
         start: First population: "random" over the range, or "near_target" (as the paper's).
         start_spread: Its standard deviations when near the target: position [m] and quaternion.
@@ -213,6 +228,7 @@ class RecognizerConfig:
     local_share: float = GeneticParameters.local_share
     newcomer_share: float = GeneticParameters.newcomer_share
     first_candidates: int = GeneticParameters.first_candidates
+    average_best: bool = GeneticParameters.average_best
     search_range: SearchRangeConfig = dc.field(default_factory=SearchRangeConfig)
     start: str = "random"
     start_spread: list[float] = _List(NearStart.spread)
@@ -253,14 +269,16 @@ class PredictorConfig:
 
     Attributes:
         mode: "rigid" (exact) or "velocity" (Eq. 12).
-        latency: Delay of the camera that is compensated [s]. The simulated cameras have none, so
-            that any other value than 0 studies a mismatch.
+        latency: The age of the images that it reckons with [s]; null for the cameras' own.
         gain: Share of the predicted motion that is applied.
+        hand_eye_error_deg: Roll, pitch and yaw by which the cameras' orientation on the hand, as it
+            is known, differs from the true one [deg].
     """
 
     mode: str = "rigid"
-    latency: float = 0.0
+    latency: float | None = None
     gain: float = 1.0
+    hand_eye_error_deg: list[float] = _List([0.0, 0.0, 0.0])
 
 
 @dc.dataclass(kw_only=True, slots=True)

@@ -32,8 +32,8 @@ class SimulationResult:
     Attributes:
         scenario: The scenario as YAML.
         time: Time of each frame [s], shape (K,).
-        true_pose: Target's pose vector ``(r [m], eps)`` in the right camera C at the frame's time,
-            shape (K, 6).
+        true_pose: Target's pose vector ``(r [m], eps)`` in the right camera C when the frame's
+            images were exposed, shape (K, 6).
         recognized_pose: The pose recognized from that frame's images, shape (K, 6).
         fitness: Its fitness, 0 to 1, shape (K,).
         desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
@@ -200,6 +200,9 @@ class _Recorder:
         arm = self._plant.GetModelInstanceByName(ARM_NAME)
         self._hand = self._plant.GetFrameByName("hand", arm)
         self._camera = self._plant.GetFrameByName("camera_right", arm)
+        # What the images show, with a delayed camera, is posed apart.
+        self._exposed_state = diagram.GetOutputPort("exposed_state")
+        self._exposed_context = self._plant.CreateDefaultContext()
         self._X_WM = scenario.target.X_WM.GetDeterministicValue()
         self._path = scenario.hand_path.Make()
         self._X_E0W = self._path.CalcHandPose(0.0).inverse()
@@ -237,7 +240,9 @@ class _Recorder:
         self._marks = [time.perf_counter()]
         state = self._plant.get_state_output_port().Eval(self._plant_context)
         X_WE = self._hand.CalcPoseInWorld(self._plant_context)
-        X_WC = self._camera.CalcPoseInWorld(self._plant_context)
+        exposed = self._exposed_state.Eval(self._diagram_context)
+        self._plant.SetPositions(self._exposed_context, exposed[:NUM_JOINTS])
+        X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
         for name, value in (
             ("time", frame_time),
             ("joint_positions", state[:NUM_JOINTS]),

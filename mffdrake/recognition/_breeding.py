@@ -136,6 +136,7 @@ def breed(
     poses: Array,
     fitness: Array,
     given_center: Array,
+    average_best: bool,
     num_survivors: int,
     num_local: int,
     num_newcomers: int,
@@ -160,12 +161,15 @@ def breed(
     ``given_center`` has shape (1, 6), or (0, 6) where there is none.
     """
     order = np.argsort(-fitness, kind="mergesort")  # stable
-    center, equals = np.zeros((1, 6)), 0
-    for n in range(len(poses)):
-        if fitness[n] == fitness[order[0]]:
-            center[0] += poses[n]
-            equals += 1
-    center /= equals
+    center = poses[order[:1]]
+    if average_best:
+        equals = 0
+        center[:] = 0.0
+        for n in range(len(poses)):
+            if fitness[n] == fitness[order[0]]:
+                center[0] += poses[n]
+                equals += 1
+        center /= equals
     if len(given_center) > 0:
         center = given_center
     survivors = encode(poses[order[:num_survivors]], lower, upper, top, gray)
@@ -175,7 +179,7 @@ def breed(
     genes = np.empty((len(poses), 6), dtype=np.int64)
     start = 0
     for part in (
-        encode(center, lower, upper, top, gray),
+        encode(center[: int(average_best)], lower, upper, top, gray),
         encode(local, lower, upper, top, gray),
         draw_genes(num_newcomers, top, rng),
         cross_and_mutate(survivors, num_crossed, bits, mutation_probability, rng),

@@ -26,7 +26,7 @@ def _shows_hue(
     min_saturation: float,
     min_value: float,
 ) -> bool:
-    """Whether an 8-bit pixel has one of some hues.
+    """Whether an 8-bit pixel has one of some hues: delta of Eq. (21), with a tolerance.
 
     Hues and their tolerance are in sixths of the color circle. Everything is multiplied by the
     pixel's chroma, which spares the division.
@@ -71,7 +71,7 @@ def _count_matches(
     for j in range(len(a)):  # without branches, for the compiler to take several points at once
         depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + z
         scale = focal_length / depth
-        # Eq. (15), (17); rounding finds the pixel, whose center is a whole number.
+        # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
         u = math.floor((R00 * a[j] + R01 * b[j] + R02 * c[j] + x) * scale + 0.5 * width)
         v = math.floor((R10 * a[j] + R11 * b[j] + R12 * c[j] + y) * scale + 0.5 * height)
         seen = (depth > 0.0) & (u >= 0.0) & (u < width) & (v >= 0.0) & (v < height)
@@ -116,7 +116,7 @@ def fitness_of_poses(
     min_cosine: float,
     min_border_distance: float,
 ) -> Array:
-    """Fitness (22) of many poses.
+    """Fitness, Eq. (22), of many poses.
 
     The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
     `SolidModel` and `MatchingParameters`, but for these: images are lists of pixels, shape
@@ -163,7 +163,7 @@ def fitness_of_poses(
             oz = -(R02 * rx + R12 * y + R22 * z)
             count = 0  # Lambda of Eq. (21): the inside points of the visible faces
             matches = 0
-            for k in range(num_faces):
+            for k in range(num_faces):  # Eq. (19): those that are visible
                 dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
                 cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
                 visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -215,7 +215,7 @@ def fitness_of_poses(
                     pixels, width, height, focal_length,
                     face_hues[k : k + 1], hue_tolerance, min_saturation, min_value, scratch,
                 )  # fmt: skip
-            # The strip S_out: outside the edges between a visible and a hidden face.
+            # The strip S_out, Eq. (20): outside the edges between a visible and a hidden face.
             kept = 0
             for k in range(num_edges):
                 if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:

@@ -148,9 +148,9 @@ class GeneticParameters:
     The best share of the population survives unchanged. The others are replaced by children: some
     are small motions of the best individual (`LocalMoves`), some are drawn anew over the whole
     search range, and the rest are two-point crossovers of two survivors whose bits then mutate.
-    With ``survivor_share`` one half, ``local_share`` and ``newcomer_share`` zero and
-    ``first_candidates`` one this is the plain 1-step GA. The defaults were chosen by how often a
-    random start finds the target within 5 s.
+    With ``survivor_share`` one half, ``local_share`` and ``newcomer_share`` zero,
+    ``first_candidates`` one and without ``average_best`` this is the plain 1-step GA. The defaults
+    were chosen by how often a random start finds the target within 5 s.
 
     Attributes:
         population_size: Number of hypotheses.
@@ -159,6 +159,8 @@ class GeneticParameters:
         local_share: Share of the children that are small motions of the best individual.
         newcomer_share: Share of the children drawn over the whole search range.
         first_candidates: The first population is the best of this many times its size.
+        average_best: Whether the mean of all that share the highest fitness takes a place in the
+            next generation, and local moves start from there instead of from the first of them.
 
     Raises:
         ValueError: When a parameter is outside its range.
@@ -170,6 +172,7 @@ class GeneticParameters:
     local_share: float = 0.6
     newcomer_share: float = 0.15
     first_candidates: int = 30
+    average_best: bool = True
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -186,7 +189,7 @@ class GeneticParameters:
 
 
 class GeneticAlgorithm:
-    """Breeds one generation from a scored one.
+    """Breeds one generation from a scored one: a step towards the maximum, Eq. (24), (26).
 
     Args:
         coding: The genes.
@@ -211,7 +214,7 @@ class GeneticAlgorithm:
         self.local_moves = local_moves
         n = parameters.population_size
         self._num_survivors = min(n - 2, max(1, round(parameters.survivor_share * n)))
-        children = n - self._num_survivors - 1  # The center of the best takes a place, too.
+        children = n - self._num_survivors - parameters.average_best
         self._num_local = round(parameters.local_share * children)
         self._num_newcomers = min(
             round(parameters.newcomer_share * children), children - self._num_local
@@ -261,11 +264,12 @@ class GeneticAlgorithm:
     ) -> Array:
         """The next generation, Eq. (27): the center of the best, children, and survivors.
 
-        The fitness counts pixels, so that many poses around the true one have the same. The first
-        individual is therefore the mean of all that share the highest fitness, and children stand
-        before survivors: among equals the former come first when the scored generation is sorted,
-        which keeps the equals spread out and the first one in their middle. Where a better center
-        is known, a refined pose, that one is the first individual, just as it is.
+        The fitness counts pixels, so that many poses around the true one have the same. With
+        ``average_best`` the first individual is the mean of all that share the highest fitness.
+        Children stand before survivors: among equals the former come first when the scored
+        generation is sorted, which keeps the equals spread out and the first one in their middle.
+        Where a better center is known, a refined pose, that one is the first individual, just as
+        it is.
 
         Args:
             poses: The population, shape (N, 6), already carried to the present (Eq. (23)).
@@ -282,9 +286,9 @@ class GeneticAlgorithm:
         given = np.empty((0, 6)) if center is None else np.array(center, dtype=float).reshape(1, 6)
         next_poses: Array = _breeding.breed(
             np.ascontiguousarray(poses, dtype=float), np.ascontiguousarray(fitness, dtype=float),
-            given,
-            self._num_survivors, self._num_local, self._num_newcomers, self._num_crossed,
-            self.parameters.mutation_probability, self.coding.bits, *self.coding.arguments,
+            given, self.parameters.average_best, self._num_survivors, self._num_local,
+            self._num_newcomers, self._num_crossed, self.parameters.mutation_probability,
+            self.coding.bits, *self.coding.arguments,
             *self.local_moves.arguments, rng,
         )  # fmt: skip
         return next_poses

@@ -237,9 +237,9 @@ def camera_motion_jacobian(
     psi = np.asarray(psi, dtype=float)
     R_CW = R_WC.T
     r_W = psi[..., :3] @ R_WC.T  # R_WC r, the line of sight in the world
-    top = -R_CW @ J_P + R_CW @ skew(r_W) @ J_O
-    bottom = -quaternion_rate_matrix(psi[..., 3:]) @ R_CW @ J_O
-    return np.concatenate([np.broadcast_to(top, bottom.shape), bottom], axis=-2)
+    top = -R_CW @ J_P + R_CW @ skew(r_W) @ J_O  # Eq. (2), (7)-(9)
+    bottom = -quaternion_rate_matrix(psi[..., 3:]) @ R_CW @ J_O  # Eq. (4), (6), (8)
+    return np.concatenate([np.broadcast_to(top, bottom.shape), bottom], axis=-2)  # Eq. (5)
 
 
 def target_motion_jacobian(R_WC: ArrayLike, psi: ArrayLike) -> Array:
@@ -263,8 +263,8 @@ def target_motion_jacobian(R_WC: ArrayLike, psi: ArrayLike) -> Array:
     R_CW = np.asarray(R_WC, dtype=float).T
     psi = np.asarray(psi, dtype=float)
     J = np.zeros((*psi.shape[:-1], 6, 6))
-    J[..., :3, :3] = R_CW
-    J[..., 3:, 3:] = quaternion_rate_matrix(psi[..., 3:]) @ R_CW
+    J[..., :3, :3] = R_CW  # Eq. (2)
+    J[..., 3:, 3:] = quaternion_rate_matrix(psi[..., 3:]) @ R_CW  # Eq. (4), (6)
     return J
 
 
@@ -309,11 +309,13 @@ def transport_pose(psi: ArrayLike, R_DC: ArrayLike, p_DC: ArrayLike) -> Array:
         >>> transport_pose([0, 0, 0.8, 0, 0, 0], np.eye(3), [0.01, 0, 0])[:3]
         array([0.01, 0.  , 0.8 ])
     """
+    from mffdrake.recognition import _transport  # numba: slow to import
+
     psi = np.asarray(psi, dtype=float)
-    R_DC = np.asarray(R_DC, dtype=float)
-    r, eps = psi[..., :3], psi[..., 3:]
-    turned = compose_quaternion_vectors(quaternion_vector(R_DC), eps)
-    return np.concatenate([r @ R_DC.T + np.asarray(p_DC, dtype=float), turned], axis=-1)
+    R_DC, p_DC = np.array(R_DC, dtype=float), np.array(p_DC, dtype=float)
+    poses = np.array(psi.reshape(-1, 6))
+    moved: Array = _transport.transport(poses, R_DC, p_DC, quaternion_vector(R_DC))
+    return moved.reshape(psi.shape)
 
 
 def rotate_by(rotation_vector: ArrayLike) -> Array:
@@ -365,7 +367,7 @@ def move_target(
 
 
 def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
-    """Angle [rad] between two orientations given by their quaternions' vector parts.
+    """Angle [rad] between two quaternions' vector parts, the rotation's share of Eq. (28).
 
     Args:
         eps_a: Vector parts, shape (..., 3).

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
@@ -106,17 +106,19 @@ def AddCameraFrames(
     plant: MultibodyPlant,
     *,
     p_EC: Sequence[float] | NDArray[np.float64] = DEFAULT_P_EC,
+    R_EC: RotationMatrix | None = None,
     baseline: float = DEFAULT_BASELINE,
 ) -> tuple[Frame, Frame]:
     """Adds the frames of the stereo camera to the arm's hand.
 
-    Both cameras look along the hand's z axis, with their axes parallel to the hand's. The right
-    camera C is the reference frame of the recognition; the left camera L is to its left, at
-    ``p_CL = (-baseline, 0, 0)``.
+    Both cameras look along the hand's z axis, with their axes parallel to the hand's, unless they
+    are mounted askew. The right camera C is the reference frame of the recognition; the left camera
+    L is to its left, at ``p_CL = (-baseline, 0, 0)``.
 
     Args:
         plant: A plant that holds the arm (see :func:`AddPa10`) and is not finalized yet.
         p_EC: Position of the right camera in the hand frame [m], shape (3,).
+        R_EC: Orientation of both cameras in the hand frame; the identity by default.
         baseline: Distance from the right to the left camera [m], positive.
 
     Returns:
@@ -160,7 +162,7 @@ def AddCameraFrames(
         FixedOffsetFrame(
             name="camera_right",
             P=plant.GetFrameByName("hand", arm),
-            X_PF=RigidTransform(p_EC),
+            X_PF=RigidTransform(RotationMatrix() if R_EC is None else R_EC, p_EC),
         )
     )
     frame_L = plant.AddFrame(
@@ -177,6 +179,7 @@ def MakePa10Plant(
     time_step: float = 0.0,
     *,
     p_EC: Sequence[float] | NDArray[np.float64] = DEFAULT_P_EC,
+    R_EC: RotationMatrix | None = None,
     baseline: float = DEFAULT_BASELINE,
 ) -> MultibodyPlant:
     """Makes a finalized plant with nothing but the arm: the model inside a controller or predictor.
@@ -188,6 +191,7 @@ def MakePa10Plant(
         time_step: The plant's time step [s]; 0 makes a continuous plant. Kinematics and dynamics
             terms do not depend on it.
         p_EC: Position of the right camera in the hand frame [m], shape (3,).
+        R_EC: Orientation of both cameras in the hand frame; the identity by default.
         baseline: Distance from the right to the left camera [m], positive.
 
     Returns:
@@ -214,6 +218,6 @@ def MakePa10Plant(
         )
     plant = MultibodyPlant(time_step=time_step)
     AddPa10(plant)
-    AddCameraFrames(plant, p_EC=p_EC, baseline=baseline)
+    AddCameraFrames(plant, p_EC=p_EC, R_EC=R_EC, baseline=baseline)
     plant.Finalize()
     return plant

@@ -155,12 +155,7 @@ class MffPredictor(LeafSystem):
             raise ValueError(f"mode must be 'rigid' or 'velocity', not {mode!r}")
         if not math.isfinite(gain):
             raise ValueError(f"gain must be a finite number, not {gain}")
-        period = self._timing.control_period
-        if not 0.0 <= latency < math.inf or abs(latency / period - round(latency / period)) > 1e-6:
-            raise ValueError(
-                f"latency must be a whole multiple of the control period of {period} s and at "
-                f"least 0, not {latency} s"
-            )
+        self._timing.CheckLatency(latency)
 
     def _SampleOnExposure(self, context: Context, discrete_state: DiscreteValues) -> None:
         if self._timing.IsVisionTick(context.get_time(), delay_ticks=self._delay_ticks):
@@ -174,9 +169,10 @@ class MffPredictor(LeafSystem):
     def _Exposures(self, context: Context) -> tuple[Array, Array]:
         """Arm states at the last frame's exposure and at the present one's."""
         present = self._state.Eval(context)
-        samples = context.get_discrete_state(self._samples).value().reshape(-1, len(present))
-        exposures = np.vstack([present, samples])
-        return exposures[self._exposures_back + 1], exposures[self._exposures_back]
+        samples = context.get_discrete_state(self._samples).value()
+        end = self._exposures_back * len(present)
+        last = samples[end : end + len(present)]
+        return last, samples[end - len(present) : end] if end else present
 
     def _CameraPose(self, state: Array) -> RigidTransform:
         """X_WC for an arm state."""
@@ -199,12 +195,12 @@ class MffPredictor(LeafSystem):
         J_M = camera_motion_jacobian(R_WC, J_P, J_O, poses)
         J_N = target_motion_jacobian(R_WC, poses)
         velocities = state[self._plant.num_positions() :]
-        return J_M @ velocities + J_N @ target_velocity
+        return J_M @ velocities + J_N @ target_velocity  # Eq. (11) where the target is at rest
 
     def _PredictRigid(self, last: Array, present: Array, poses: Array, velocity: Array) -> Array:
-        """Exact transport; the target's own displacement in between."""
+        """Eq. (12) exactly: rigid transport; the target's own displacement in between."""
         X_WC, X_WD = self._CameraPose(last), self._CameraPose(present)
-        X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)
+        X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)  # Eq. (14), for C and for D
         if velocity.any():  # seldom: the target is at rest, as a rule
             dt = self._gain * self._timing.vision_period
             R_WC = X_WC.rotation().matrix()

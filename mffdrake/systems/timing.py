@@ -71,6 +71,19 @@ class Timing:
         """Whether the tick at a time [s] is a frame's, or ``delay_ticks`` before a frame's."""
         return (self.Tick(time) + delay_ticks) % self.ticks_per_frame == 0
 
+    def CheckLatency(self, latency: float) -> None:
+        """Checks that a latency [s] is a whole number of control ticks.
+
+        Raises:
+            ValueError: When it is not, or negative.
+        """
+        ticks = latency / self.control_period
+        if not 0.0 <= latency < math.inf or abs(ticks - round(ticks)) > 1e-6:
+            raise ValueError(
+                f"latency must be at least 0 and a whole multiple of the control period of "
+                f"{self.control_period} s, not {latency} s"
+            )
+
     def NumFrames(self, duration: float) -> int:
         """Number of frames from time 0 until just before ``duration`` [s]."""
         ticks = math.ceil(duration / self.control_period - 1e-6)

@@ -46,12 +46,13 @@ class Cluster:
         self.processes.append(process)
         return process
 
-    def add_worker(self, *, threads=1, nanny=False):
-        options = ["--nthreads", threads, "--local-directory", self._folder]
-        return self._start("worker", self.address, *options, "--nanny" if nanny else "--no-nanny")
+    def add_worker(self, *, threads=1):
+        """Starts a worker, which is this very process: no nanny starts another in its place."""
+        options = ["--nthreads", threads, "--no-nanny", "--local-directory", self._folder]
+        return self._start("worker", self.address, *options)
 
     def end(self):
-        """Kills everything: there is nothing to be saved. A nanny's worker is of its group."""
+        """Kills everything: there is nothing to be saved."""
         for process in self.processes:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)

@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from terminal import on_terminal
 
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
@@ -264,9 +265,9 @@ def test_compare_prints_a_markdown_table_of_medians(compare):
 @pytest.mark.parametrize(
     ("command", "options"),
     [
-        ([], ["run", "compare"]),
+        ([], ["run", "compare", "sweep"]),
         (["run"], ["--method", "--omega"]),
-        (["compare"], ["--methods", "--omega", "--seeds", "--workers"]),
+        (["compare"], ["--methods", "--omega", "--seeds", "--workers", "--scheduler"]),
     ],
 )
 def test_help_lists_the_options(program, command, options, tmp_path):
@@ -396,36 +397,6 @@ def test_without_graphviz_the_error_has_the_command_that_helps(tmp_path):
 
 
 # On a terminal: a progress bar, and Ctrl-C.
-
-TERMINAL = """
-import os, pty, sys
-sys.exit(os.waitstatus_to_exitcode(pty.spawn(sys.argv[1:])))
-"""
-
-
-def on_terminal(*arguments, cwd, ctrl_c_at=None):
-    """Runs the command line on a terminal of its own, 100 columns wide.
-
-    Args:
-        ctrl_c_at: Ctrl-C is typed as soon as this text appears; nothing is typed without.
-
-    Returns:
-        The exit status and all that appeared.
-    """
-    in_terminal = ["sh", "-c", 'stty cols 100 rows 30; exec "$0" "$@"', *SCRIPT]
-    with subprocess.Popen(
-        [sys.executable, "-c", TERMINAL, *in_terminal, *map(str, arguments)],
-        cwd=cwd, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-    ) as process:  # fmt: skip
-        shown = b""
-        while some := process.stdout.read1(4096):
-            shown += some
-            if ctrl_c_at is not None and ctrl_c_at.encode() in shown:
-                process.stdin.write(b"\x03")
-                process.stdin.flush()
-                ctrl_c_at = None
-    assert ctrl_c_at is None, f"{ctrl_c_at!r} never appeared in {shown!r}"
-    return process.returncode, shown.decode()
 
 
 def test_on_a_terminal_a_bar_shows_simulated_time_and_speed(tmp_path):

@@ -254,12 +254,25 @@ def test_the_run_of_a_killed_dask_worker_is_begun_again(cluster, tmp_path):
     assert [outcome.value for outcome in outcomes] == ["a", "b"]
 
 
-def test_a_run_whose_dask_worker_dies_every_time_fails_and_the_others_do_not(cluster):
-    cluster.add_worker(nanny=True)  # It puts a new worker in a dead one's place.
+def test_a_run_whose_dask_worker_dies_every_time_fails(cluster):
+    for _ in range(3):
+        cluster.add_worker()
     outcomes = run(DaskCluster(cluster.address), work.die_at, [(k, 0) for k in range(3)])
     assert isinstance(outcomes[0].exception, WorkerDiedError)
     assert outcomes[0].attempts == 2  # The fixture's scheduler allows one failure.
     assert "died at each of 2 attempts" in outcomes[0].error
+
+
+def test_a_cluster_without_workers_says_so_and_goes_on_when_some_join(cluster, caplog):
+    def join():
+        work.wait_for(lambda: "has no workers" in caplog.text, "the warning")
+        cluster.add_worker()
+
+    with threads(join):
+        outcomes = run(DaskCluster(cluster.address), divmod, [(7, 2)])
+    assert [outcome.value for outcome in outcomes] == [(3, 1)]
+    assert caplog.text.count("has no workers") == 1
+    assert f"dask worker {cluster.address}" in caplog.text
 
 
 def test_a_scheduler_that_goes_away_is_an_error(cluster, tmp_path):

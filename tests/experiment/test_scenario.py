@@ -108,7 +108,10 @@ def test_the_defaults_are_the_papers_values():
         "recognizer.search_range.eps1": [-0.5, 0.5],
         "recognizer.search_range.eps2": [-0.5, 0.5],
         "recognizer.search_range.eps3": [-0.5, 0.5],
-        "predictor.latency": 0.0,
+        "camera.latency": 0.0,
+        "encoders.noise_deg": 0.0,
+        "predictor.latency": None,
+        "predictor.hand_eye_error_deg": [0.0, 0.0, 0.0],
         "predictor.gain": 1.0,
         "timing.control_period": 0.001,
         "timing.vision_period": 0.033,
@@ -161,7 +164,8 @@ def test_every_key_of_the_issue_is_there():
     promised = {
         "hand_path": {"amplitude_deg", "distance", "omega"},
         "controller": set(),
-        "camera": {"width", "height", "fov_y_deg", "baseline", "p_EC"},
+        "camera": {"width", "height", "fov_y_deg", "baseline", "p_EC", "latency"},
+        "encoders": {"noise_deg"},
         "target": {"model", "X_WM"},
         "recognizer": {
             "population_size", "generations_per_frame", "coding", "search_range", "start",
@@ -208,7 +212,7 @@ def test_the_other_defaults_are_those_of_the_functions_and_classes_behind_them()
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    for name in ("mode", "latency", "gain"):
+    for name in ("mode", "gain"):
         assert getattr(scenario.predictor, name) == default(MffPredictor, name)
     camera = StereoCamera()
     config = scenario.camera
@@ -344,7 +348,9 @@ controller:
   kp: [100, 200, 30, 40, 5, 6.5, 7]
   kd: [1, 2, 3, 4, 0.5, 0.6, 0.7]
   gravity_compensation: false
-camera: {width: 320, height: 200, fov_y_deg: 33.3, baseline: 0.1, p_EC: [0.01, -0.1, 0.02]}
+camera: {width: 320, height: 200, fov_y_deg: 33.3, baseline: 0.1, p_EC: [0.01, -0.1, 0.02],
+  latency: 0.066}
+encoders: {noise_deg: 0.01}
 target:
   model: /tmp/prism.sdf
   X_WM: {translation: [1.5, 0.2, 0.3], rotation: !AngleAxis {angle_deg: 77.7, axis: [1, 2, 3]}}
@@ -358,6 +364,7 @@ recognizer:
   local_share: 0.3
   newcomer_share: 0.2
   first_candidates: 5
+  average_best: false
   search_range:
     x: [-0.1, 0.2]
     y: [0.05, 0.2]
@@ -375,7 +382,7 @@ recognizer:
     min_cosine: 0.02
     min_border_distance: 0
   local_moves: {depth: 0.1, shift: 0.02, rotation_deg: 20, decades: 1.5, sparsity: 0.4}
-predictor: {mode: velocity, latency: 0.034, gain: 0.9}
+predictor: {mode: velocity, latency: 0.034, gain: 0.9, hand_eye_error_deg: [1, 2, -3]}
 timing: {control_period: 0.002, vision_period: 0.05}
 method: ga
 renderer: vtk
@@ -469,6 +476,11 @@ def test_a_dump_shows_every_key():
         ("predictor: {latency: -0.001}", "predictor.latency", "at least 0"),
         ("predictor: {latency: 0.0005}", "predictor.latency", "whole multiple"),
         ("predictor: {latency: .inf}", "predictor.latency", "whole multiple"),
+        ("camera: {latency: 0.0005}", "camera.latency", "whole multiple"),
+        ("camera: {latency: -1}", "camera.latency", "at least 0"),
+        ("encoders: {noise_deg: -1}", "encoders.noise_deg", "at least 0"),
+        ("predictor: {hand_eye_error_deg: [1, 2]}", "hand_eye_error_deg", "3 numbers"),
+        ("predictor: {hand_eye_error_deg: [1, 2, .inf]}", "hand_eye_error_deg", "list of numbers"),
         ("predictor: {gain: .inf}", "predictor.gain", "finite"),
         ("recognizer: {population_size: 1}", "recognizer.*population_size", "at least 3, not 1"),
         ("recognizer: {generations_per_frame: 0}", "generations_per_frame", "at least 1, not 0"),

@@ -329,3 +329,61 @@ def test_a_given_diagram_can_be_used_again(scenario):
     diagram = MakeHandEyeDiagram(scenario)
     first, again = Simulate(scenario, diagram=diagram), Simulate(scenario, diagram=diagram)
     np.testing.assert_array_equal(first.recognized_pose, again.recognized_pose)
+
+
+# Late cameras, askew cameras, noisy encoders
+
+
+def test_late_cameras_show_what_was_some_frames_ago():
+    now = Simulate(load("{duration: 0.7, method: ga, renderer: flat}"))
+    late = Simulate(load("{duration: 0.7, method: ga, renderer: flat, camera: {latency: 0.066}}"))
+    np.testing.assert_array_equal(late.joint_positions, now.joint_positions)
+    np.testing.assert_allclose(late.true_pose[3:], now.true_pose[1:-2], atol=1e-12)
+    np.testing.assert_allclose(late.true_pose[:2], now.true_pose[[0, 0]], atol=1e-12)
+    # The same images as before, with the same random numbers a frame, from the first frame on.
+    scenario = load("{renderer: flat, camera: {latency: 0.066}}")
+    diagram = MakeHandEyeDiagram(scenario)
+    simulator = Simulator(diagram)
+    images = []
+    for frame in range(20):
+        simulator.AdvanceTo(Timing().TimeOfFrame(frame))
+        port = diagram.GetOutputPort("stereo_camera.color_image_right")
+        state = diagram.GetOutputPort("state").Eval(simulator.get_context())
+        images.append((port.Eval(simulator.get_context()).data.copy(), state))
+    again = MakeHandEyeDiagram(load("{renderer: flat}"))
+    plant = again.GetSubsystemByName("plant")
+    context = again.CreateDefaultContext()
+    for frame in (10, 19):
+        positions = images[frame - 2][1][:7]
+        arm = plant.GetModelInstanceByName("pa10")
+        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), arm, positions)
+        now = again.GetOutputPort("stereo_camera.color_image_right").Eval(context).data
+        np.testing.assert_array_equal(images[frame][0], now)
+        assert np.any(images[frame][0] != images[0][0])
+
+
+@pytest.mark.parametrize(("latency", "compensated"), [("null", True), ("0.0", False)])
+def test_a_known_latency_does_no_harm_and_an_unknown_one_does(latency, compensated):
+    text = """
+        duration: 3.0
+        renderer: flat
+        camera: {latency: 0.099}
+        recognizer: {start: near_target}
+        predictor: {latency: %s}
+    """
+    result = Simulate(load(text % latency))
+    settled = result.fitness[45:].mean()
+    assert settled > 0.97 if compensated else settled < 0.9
+
+
+@pytest.mark.parametrize(
+    "flaw", ["encoders: {noise_deg: 0.3}", "predictor: {hand_eye_error_deg: [0, 20, 0]}"]
+)
+def test_flaws_of_the_feedforward_cost_accuracy(flaw):
+    common = "duration: 2.0\nrenderer: flat\nrecognizer: {start: near_target}\n"
+    good, bad = Simulate(load(common)), Simulate(load(common + flaw))
+    errors = [
+        np.linalg.norm(r.recognized_pose[30:, :3] - r.true_pose[30:, :3], axis=1).mean()
+        for r in (good, bad)
+    ]
+    assert errors[1] > 1.5 * errors[0]

@@ -1,4 +1,4 @@
-"""Sweeps: what they keep, what they write, and how they go on; on the command line and from Python."""
+"""Sweeps: what they keep and write, how they go on; on the command line and from Python."""
 
 import json
 import os
@@ -407,6 +407,17 @@ def test_a_scheduler_that_goes_away_is_an_error_and_the_rows_stay(cluster, tmp_p
     assert 1 <= len(table) == len(stored(tmp_path))
 
 
+def test_help_lists_the_options(tmp_path):
+    finished = mffdrake("sweep", "--help", cwd=tmp_path)
+    assert (finished.returncode, finished.stderr) == (0, "")
+    for option in (
+        "GRID.yaml", "--workers", "--scheduler", "--format", "--out", "--scenario-file",
+        "--scenario-text", "--duration", "--seed", "--renderer", "--verbose",
+    ):  # fmt: skip
+        assert option in finished.stdout
+    assert "--replay" not in finished.stdout and "--graphviz" not in finished.stdout
+
+
 WRONG = {
     "no file": (["no.yaml"], "no.yaml.*No such file"),
     "no grid": ([], "GRID.yaml"),
@@ -452,3 +463,10 @@ def test_the_example_grids_load():
     assert examples
     for file in examples:
         assert LoadGrid(file).runs
+
+
+def test_the_grid_file_in_the_readme_loads(tmp_path):
+    readme = Path(__file__).parents[2] / "README.md"
+    (text,) = re.findall(r"```yaml\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "grid.yaml").write_text(text)
+    assert len(LoadGrid(tmp_path / "grid.yaml").runs) == 30

@@ -338,6 +338,17 @@ def test_local_children_move_the_center_and_not_one_of_the_best():
     assert (next_poses[45:] != poses[20]).any(axis=1).all()
 
 
+def test_without_the_mean_of_the_best_their_first_is_the_center():
+    algorithm = genetic(local_share=1.0, newcomer_share=0.0, average_best=False)
+    poses = grid(np.arange(60) * 60)
+    fitness = np.linspace(0.5, 0.0, 60)
+    fitness[[10, 30]] = 0.9
+    next_poses = algorithm.breed(poses, fitness, np.random.default_rng(23))
+    # Moves that do not move, one more than with the mean, and the survivors.
+    np.testing.assert_allclose(next_poses[:45], poses[10:11].repeat(45, axis=0), atol=1e-12)
+    np.testing.assert_allclose(next_poses[45:47], poses[[10, 30]], atol=1e-12)
+
+
 def test_survivors_carried_out_of_the_range_are_moved_to_its_border():
     algorithm = genetic()
     poses = grid(np.full(60, 2000))

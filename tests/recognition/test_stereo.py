@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import paper_box, pose, render
+from synthetic import paper_box, pose, render, rotation
 
 from mffdrake.recognition import StereoCamera
+from mffdrake.recognition.pose import transform_from_pose
 
 CAMERA = StereoCamera(width=640, height=480, focal_length=580.0, baseline=0.150)
 POINTS = np.random.default_rng(0).uniform([-0.3, -0.2, 0.5], [0.3, 0.2, 1.5], size=(40, 3))
@@ -37,6 +38,21 @@ def test_left_camera_stands_to_the_left():
     np.testing.assert_array_equal(CAMERA.p_CL, [-0.150, 0.0, 0.0])
     _, left = CAMERA.project([-0.150, 0.0, 0.7])
     np.testing.assert_allclose(left, CAMERA.principal_point)
+
+
+def test_a_pose_and_a_point_give_both_pixels_as_in_equation_18():
+    psi = pose((0.03, 0.12, 0.85), (0.2, -0.3, 0.1))
+    p_M = np.random.default_rng(1).uniform(-0.1, 0.1, size=(20, 3))
+    R_CM, p_CM = transform_from_pose(psi)
+    pixels = CAMERA.project(p_M @ R_CM.T + p_CM)
+    # The same as a chain of matrices on homogeneous coordinates: (13), (16), then (15) or (17).
+    X_CM, X_LC = np.eye(4), np.eye(4)
+    X_CM[:3, :3], X_CM[:3, 3] = rotation(psi[3:]), psi[:3]
+    X_LC[0, 3] = 0.150
+    P = np.array([[580.0, 0.0, 319.5, 0.0], [0.0, 580.0, 239.5, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    for uv, X in zip(pixels, (X_CM, X_LC @ X_CM), strict=True):
+        scaled = P @ X @ np.column_stack([p_M, np.ones(20)]).T
+        np.testing.assert_allclose(uv.T, scaled[:2] / scaled[2])
 
 
 def test_right_means_greater_u_and_down_means_greater_v():

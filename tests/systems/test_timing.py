@@ -7,7 +7,8 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram, MakeTracker
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.parts import MakeTracker
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import Generation, SolidModel

@@ -1,0 +1,79 @@
+"""Runs all benchmarks and writes their tables into docs/performance.md.
+
+    python benchmarks/report.py
+
+It takes about ten minutes, on an otherwise idle machine.
+"""
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+import memory
+import recognition
+import renderers
+import simulation
+import sweeps
+from tqdm import tqdm
+
+from mffdrake.experiment.files import WholeFile
+
+PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+
+SECTIONS = (
+    (
+        "Rendering",
+        renderers,
+        "A pair of color images of the hand-eye scene, drawn anew after each motion of the arm.",
+    ),
+    (
+        "One generation",
+        recognition,
+        "Selection, crossover and the fitness of the whole population on both images. The cost is "
+        "linear in the population and in the points, and all but independent of the images' size: "
+        "only the pixels under the model's points are looked at. An image shows about half of the "
+        "model's points at a time.",
+    ),
+    (
+        "Whole simulations",
+        simulation,
+        "With motion feedforward, on one core; VTK's software rendering takes the others, too. The "
+        "stages are means over the frames; the total includes 33 ticks of dynamics and control "
+        "a frame.",
+    ),
+    (
+        "Sweeps",
+        sweeps,
+        "Simulations of 40 s with the flat renderer, on local worker processes that are warm.",
+    ),
+    (
+        "Memory",
+        memory,
+        "Peak of a process with one simulation of 40 s, and what a process holds after many.",
+    ),
+)
+
+
+def machine() -> str:
+    """What the numbers were measured on."""
+    facts = [f"{os.cpu_count()} cores", platform.machine(), f"Python {platform.python_version()}"]
+    facts += [f"{name} {version(name)}" for name in ("mffdrake", "drake", "numpy", "numba")]
+    return ", ".join(facts)
+
+
+def main() -> None:
+    """Measures and writes."""
+    parts = [
+        "# Performance\n\nWritten by `make bench`. The ratios come first, as they were measured in "
+        f"one run each and depend least on the machine: {machine()}."
+    ]
+    for title, benchmark, text in tqdm(SECTIONS, unit="benchmark"):
+        parts.append(f"## {title}\n\n{text}\n\n{benchmark.table()}")
+    with WholeFile(PAGE) as part:
+        part.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    print(f"written: {PAGE}")
+
+
+if __name__ == "__main__":
+    main()

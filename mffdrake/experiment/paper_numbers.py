@@ -1,0 +1,149 @@
+"""The paper's own numbers, and what to say of ours beside them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = [
+    "CELLS",
+    "PAPER",
+    "InvarianceRatio",
+    "Quartiles",
+    "ReachesPaper",
+    "Verdict",
+]
+
+_FIG_8 = {
+    ("ga", 0.105): (0.8026, 3.1742, 3.5439, 14.9828, 0.0188, 0.0203, 0.0053),
+    ("ga", 0.157): (0.7371, 3.4841, 4.4271, 17.1283, 0.0251, 0.0323, 0.0072),
+    ("ga", 0.314): (0.6280, 7.6398, 21.7151, 33.8106, 0.0494, 0.0656, 0.0091),
+    ("mff", 0.105): (0.9806, 0.6235, 1.16, 2.8536, 0.0075, 0.0091, 0.0022),
+    ("mff", 0.157): (0.9764, 1.49, 1.712, 5.5322, 0.008, 0.0092, 0.002),
+    ("mff", 0.314): (0.9733, 1.5601, 1.7493, 5.281, 0.0086, 0.0098, 0.0029),
+}
+
+CELLS = ("mean_fitness", "x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3")
+"""The rows of the paper's Fig. 8: mean fitness and root-mean-square errors [mm, -]."""
+
+
+def _WithNorms(values: Sequence[float]) -> dict[str, float]:
+    """The cells of a column, with the distance and the angle that follow from them."""
+    cells = dict(zip(CELLS, values, strict=True))
+    cells["position_mm"] = math.hypot(*values[1:4])
+    cells["rotation_deg"] = math.degrees(2.0 * math.asin(math.hypot(*values[4:7])))
+    return cells
+
+
+PAPER = {column: _WithNorms(values) for column, values in _FIG_8.items()}
+"""The paper's Fig. 8 by (method, omega [rad/s]): its `CELLS`, over 0-40 s, of one run each.
+
+``position_mm`` and ``rotation_deg`` are not in the paper; they follow from the others.
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quartiles:
+    """Median and quartiles of some numbers.
+
+    Attributes:
+        low: The lower quartile.
+        median: The median.
+        high: The upper quartile.
+        count: How many numbers.
+
+    Example:
+        >>> Quartiles.Of([4.0, 1.0, 2.0, 3.0, 5.0])
+        Quartiles(low=2.0, median=3.0, high=4.0, count=5)
+    """
+
+    low: float
+    median: float
+    high: float
+    count: int
+
+    @classmethod
+    def Of(cls, values: Sequence[float | None]) -> Quartiles | None:
+        """Those of the numbers that are there.
+
+        Args:
+            values: Numbers; None where there is none.
+
+        Returns:
+            The quartiles; None when there are no numbers.
+        """
+        known = [value for value in values if value is not None]
+        if not known:
+            return None
+        low, median, high = (float(value) for value in np.quantile(known, [0.25, 0.5, 0.75]))
+        return cls(low=low, median=median, high=high, count=len(known))
+
+
+def ReachesPaper(cell: str, ours: float, paper: float) -> bool:
+    """Whether a number is at least as good as the paper's.
+
+    Args:
+        cell: One of `CELLS`, or another error.
+        ours: Our number.
+        paper: The paper's.
+
+    Returns:
+        Whether an error is at or below the paper's, the fitness at or above.
+
+    Example:
+        >>> ReachesPaper("z_mm", 1.5, 2.85), ReachesPaper("mean_fitness", 0.9, 0.98)
+        (True, False)
+    """
+    return ours >= paper if cell == "mean_fitness" else ours <= paper
+
+
+def Verdict(cell: str, ours: float | None, paper: float) -> str:
+    """How a number compares with the paper's, in plain words.
+
+    Args:
+        cell: One of `CELLS`, or another error.
+        ours: Our number; None where there is none.
+        paper: The paper's, positive.
+
+    Returns:
+        The words.
+
+    Example:
+        >>> Verdict("z_mm", 1.5, 2.85), Verdict("z_mm", 5.7, 2.85)
+        ("at or below the paper's", 'above: 2.0 times')
+        >>> Verdict("mean_fitness", 0.99, 0.98), Verdict("mean_fitness", 0.95, 0.98)
+        ("at or above the paper's", 'below by 0.030')
+    """
+    if ours is None:
+        return "no number"
+    if cell == "mean_fitness":
+        reached = ReachesPaper(cell, ours, paper)
+        return "at or above the paper's" if reached else f"below by {paper - ours:.3f}"
+    if ReachesPaper(cell, ours, paper):
+        return "at or below the paper's"
+    ratio = ours / paper
+    return f"above: {ratio:.1f} times" if ratio >= 1.05 else f"above: {ratio:.3f} times"
+
+
+def InvarianceRatio(slow: float | None, fast: float | None) -> float | None:
+    """The paper's claim as a number: how much the error grows with the hand's speed.
+
+    Args:
+        slow: Position error at the lowest speed; None where there is none.
+        fast: At the highest.
+
+    Returns:
+        Their ratio, 1 where the speed does not matter; None where it cannot be told.
+
+    Example:
+        >>> InvarianceRatio(2.0, 3.0)
+        1.5
+        >>> round(InvarianceRatio(*(PAPER["mff", w]["position_mm"] for w in (0.105, 0.314))), 2)
+        1.84
+    """
+    if slow is None or fast is None or slow <= 0:
+        return None
+    return fast / slow
