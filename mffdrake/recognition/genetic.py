@@ -266,9 +266,10 @@ class GeneticAlgorithm:
 
         The fitness counts pixels, so that many poses around the true one have the same. With
         ``average_best`` the first individual is the mean of all that share the highest fitness.
-        Where a better center is known, a refined pose, that one is the first, just as it is.
         Children stand before survivors: among equals the former come first when the scored
         generation is sorted, which keeps the equals spread out and the first one in their middle.
+        Where a better center is known, a refined pose, that one is the first individual, just as
+        it is.
 
         Args:
             poses: The population, shape (N, 6), already carried to the present (Eq. (23)).
