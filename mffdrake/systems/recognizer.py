@@ -44,7 +44,8 @@ class OneStepGaRecognizer(LeafSystem):
     the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
-    poses, fitness and covariance. Outputs depend on the state alone, so the loop through a predictor is none.
+    poses, fitness and covariance. Outputs depend on the state alone, so the loop through a
+    predictor is none.
 
     Ports:
         color_image_right: ImageRgba8U of the right camera (frame C).
