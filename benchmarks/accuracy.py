@@ -1,3 +1,4 @@
+# ruff: noqa: E501 (tables)
 """Measures the accuracy and writes the tables into docs/accuracy.md.
 
     python benchmarks/accuracy.py
