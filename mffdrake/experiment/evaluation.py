@@ -63,6 +63,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "seed": scenario.seed,
         "start": scenario.recognizer.start,
         "coding": scenario.recognizer.coding,
+        "refinement": scenario.recognizer.refinement,
         "renderer": scenario.renderer,
         "duration": scenario.duration,
         "frames": len(result.time),

@@ -12,10 +12,13 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import (
+    BorderRefiner,
     Matcher,
     NearStart,
+    NoRefinement,
     OneStepGaTracker,
     RandomStart,
+    Refiner,
     SearchModel,
     SolidModel,
     Start,
@@ -50,13 +53,16 @@ def MakeTracker(
         "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
     }
     model = SearchModel(solid, config.MakeSampling())
+    matcher = Matcher(model, MakeCamera(scenario), config.MakeMatching())
+    refiners: dict[str, Refiner] = {"none": NoRefinement(), "borders": BorderRefiner(matcher)}
     return OneStepGaTracker(
-        matcher=Matcher(model, MakeCamera(scenario), config.MakeMatching()),
+        matcher=matcher,
         coding=config.MakeCoding(),
         parameters=config.MakeParameters(),
         local_moves=config.MakeLocalMoves(),
         generations_per_frame=config.generations_per_frame,
         start=starts[config.start],
+        refiner=refiners[config.refinement],
         seed=scenario.seed,
     )
 

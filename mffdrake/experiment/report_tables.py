@@ -179,7 +179,11 @@ def InvarianceTable(summary: Sequence[dict[str, Any]]) -> str:
     """
     window = ShownWindow(summary)
     rows = []
-    for study, start in (("random", "random start"), ("near", "start near the target")):
+    for study, start in (
+        ("random", "random start"),
+        ("near", "start near the target"),
+        ("refined", "refined"),
+    ):
         for method, name in _METHODS.items():
             slow, fast, ratio = _Ratio(summary, study, method, window)
             rows.append([f"{name}, {start}", *(_Number(x) for x in (slow, fast, ratio))])

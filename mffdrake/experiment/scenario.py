@@ -91,6 +91,7 @@ class Scenario:
         _Choice("method", self.method, METHODS)
         _Choice("renderer", self.renderer, tuple(RENDERERS))
         _Choice("recognizer.start", self.recognizer.start, ("random", "near_target"))
+        _Choice("recognizer.refinement", self.recognizer.refinement, ("none", "borders"))
         _Choice("recognizer.coding", self.recognizer.coding, ("binary", "gray"))
         _Choice("predictor.mode", self.predictor.mode, ("rigid", "velocity"))
         _Choice("controller.gains", self.controller.gains, tuple(PD_GAINS))

@@ -212,6 +212,8 @@ class RecognizerConfig:
         first_candidates: The first population is the best of so many times its size.
         average_best: Whether the mean of the equally best takes a place.
         search_range: Least and greatest of x, y, z [m], eps1, eps2, eps3.
+        refinement: "none" (the paper's), or "borders": every frame's pose is refined to parts of a
+            pixel, see `BorderRefiner`.
         start: First population: "random" over the range, or "near_target" (as the paper's).
         start_spread: Its standard deviations when near the target: position [m] and quaternion.
         sampling: How densely the solid is sampled, see `SamplingParameters`.
@@ -230,6 +232,7 @@ class RecognizerConfig:
     first_candidates: int = GeneticParameters.first_candidates
     average_best: bool = GeneticParameters.average_best
     search_range: SearchRangeConfig = dc.field(default_factory=SearchRangeConfig)
+    refinement: str = "none"
     start: str = "random"
     start_spread: list[float] = _List(NearStart.spread)
     sampling: SamplingConfig = dc.field(default_factory=SamplingConfig)

@@ -38,6 +38,7 @@ recognizer:
 _FRAME = 0.033  # s
 _FAST = PAPER_OMEGAS[-1]
 _NEAR = "{recognizer: {start: near_target}}"
+_REFINED = "{recognizer: {refinement: borders}}"
 _METHODS = ("ga", "mff")
 _STARTS = {"near_target": "near the target", "random": "from a random first population"}
 
@@ -60,7 +61,7 @@ def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> 
         >>> [study.name for study in MakeStudies(2, vtk_seeds=0)][:3]
         ['near', 'random', 'fixed']
         >>> sum(len(study.variants) * study.seeds for study in MakeStudies(short=True))
-        28
+        31
     """
     if seeds < 1 or vtk_seeds < 0:
         raise ScenarioError(
@@ -70,6 +71,7 @@ def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> 
         seeds, vtk_seeds = 1, 0
     few = min(seeds, FEW_SEEDS)
     studies = [*_Tables(seeds, vtk_seeds), _Fixed(few, short), *_OfTheGa(few, short)]
+    studies += _OfTheRefinement(few, short)
     studies += [*_OfTheFeedforward(few, short), *([] if short else [_Faster(few)])]
     return tuple(studies)
 
@@ -176,6 +178,40 @@ def _OfTheGa(seeds: int, short: bool) -> Iterator[Study]:
                 for method in _METHODS for count in (1, 3, 9)
             ),
         )  # fmt: skip
+
+
+def _OfTheRefinement(seeds: int, short: bool) -> Iterator[Study]:
+    question = (
+        "Beyond the paper: every frame's pose is refined to parts of a pixel, by the color borders "
+        "in both images."
+    )
+    omegas = PAPER_OMEGAS if short else (*PAPER_OMEGAS, 4 * _FAST)
+    methods = ("mff",) if short else _METHODS
+    yield Study(
+        name="refined", title="With sub-pixel refinement", question=question, axis="omega [rad/s]",
+        variants=_Table(_REFINED, methods=methods, omegas=omegas), seeds=seeds,
+    )  # fmt: skip
+    if short:
+        return
+    variants = tuple(
+        Variant(
+            label=f"{frames} frames, {curve}",
+            curve=curve,
+            value=float(frames),
+            changes=(
+                _At("mff", _FAST),
+                _REFINED,
+                f"{{camera: {{latency: {frames * _FRAME:.3f}}}, predictor: {{latency: {known}}}}}",
+            ),
+        )
+        for curve, known in (("reckoned with", "null"), ("ignored", "0.0"))
+        for frames in (0, 3, 6)
+    )
+    yield Study(
+        name="refined_latency", title="Camera latency, with sub-pixel refinement",
+        question=f"{question} With feedforward at {_FAST:g} rad/s.",
+        axis="camera latency [frames]", variants=variants, seeds=seeds,
+    )  # fmt: skip
 
 
 def _OfTheFeedforward(seeds: int, short: bool) -> Iterator[Study]:

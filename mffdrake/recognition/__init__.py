@@ -12,6 +12,13 @@ from mffdrake.recognition.genetic import (
 )
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import Matcher, MatchingParameters
+from mffdrake.recognition.refinement import (
+    BorderRefiner,
+    NoRefinement,
+    Refinement,
+    RefinementParameters,
+    Refiner,
+)
 from mffdrake.recognition.solid_model import (
     BLUE,
     GREEN,
@@ -28,6 +35,7 @@ __all__ = [
     "GREEN",
     "POSE_COORDINATES",
     "RED",
+    "BorderRefiner",
     "GeneCoding",
     "Generation",
     "GeneticAlgorithm",
@@ -37,8 +45,12 @@ __all__ = [
     "Matcher",
     "MatchingParameters",
     "NearStart",
+    "NoRefinement",
     "OneStepGaTracker",
     "RandomStart",
+    "Refinement",
+    "RefinementParameters",
+    "Refiner",
     "SamplingParameters",
     "SearchModel",
     "SearchRange",

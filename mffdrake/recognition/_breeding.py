@@ -135,6 +135,7 @@ def draw_local_moves(
 def breed(
     poses: Array,
     fitness: Array,
+    given_center: Array,
     average_best: bool,
     num_survivors: int,
     num_local: int,
@@ -155,7 +156,10 @@ def breed(
     sparsity: float,
     rng: np.random.Generator,
 ) -> Array:
-    """The next generation, Eq. (27), see `GeneticAlgorithm.breed`."""
+    """The next generation, Eq. (27), see `GeneticAlgorithm.breed`.
+
+    ``given_center`` has shape (1, 6), or (0, 6) where there is none.
+    """
     order = np.argsort(-fitness, kind="mergesort")  # stable
     center = poses[order[:1]]
     if average_best:
@@ -166,6 +170,8 @@ def breed(
                 center[0] += poses[n]
                 equals += 1
         center /= equals
+    if len(given_center) > 0:
+        center = given_center
     survivors = encode(poses[order[:num_survivors]], lower, upper, top, gray)
     local = draw_local_moves(
         center[0], num_local, pivots, p_CS, depth, shift, rotation, decades, sparsity, rng
@@ -182,4 +188,6 @@ def breed(
         genes[start : start + len(part)] = part
         start += len(part)
     next_poses: Array = decode(genes, lower, upper, top, gray)
+    if len(given_center) > 0:
+        next_poses[0] = given_center[0]  # not rounded to genes
     return next_poses

@@ -255,27 +255,38 @@ class GeneticAlgorithm:
         poses = np.asarray(pose, dtype=float) + deviation * rng.standard_normal((count, 6))
         return self.coding.decode(self.coding.encode(poses))
 
-    def breed(self, poses: ArrayLike, fitness: ArrayLike, rng: np.random.Generator) -> Array:
+    def breed(
+        self,
+        poses: ArrayLike,
+        fitness: ArrayLike,
+        rng: np.random.Generator,
+        center: ArrayLike | None = None,
+    ) -> Array:
         """The next generation, Eq. (27): the center of the best, children, and survivors.
 
         The fitness counts pixels, so that many poses around the true one have the same. With
         ``average_best`` the first individual is the mean of all that share the highest fitness.
         Children stand before survivors: among equals the former come first when the scored
         generation is sorted, which keeps the equals spread out and the first one in their middle.
+        Where a better center is known, a refined pose, that one is the first individual, just as
+        it is.
 
         Args:
             poses: The population, shape (N, 6), already carried to the present (Eq. (23)).
             fitness: Its fitness, shape (N,).
             rng: Source of randomness.
+            center: Pose vector that children are drawn around, shape (6,); by default the mean of
+                the best.
 
         Returns:
-            Pose vectors that the genes can represent, shape (N, 6).
+            Pose vectors that the genes can represent, but for a given center, shape (N, 6).
         """
         from mffdrake.recognition import _breeding  # numba: slow to import
 
+        given = np.empty((0, 6)) if center is None else np.array(center, dtype=float).reshape(1, 6)
         next_poses: Array = _breeding.breed(
             np.ascontiguousarray(poses, dtype=float), np.ascontiguousarray(fitness, dtype=float),
-            self.parameters.average_best, self._num_survivors, self._num_local,
+            given, self.parameters.average_best, self._num_survivors, self._num_local,
             self._num_newcomers, self._num_crossed, self.parameters.mutation_probability,
             self.coding.bits, *self.coding.arguments,
             *self.local_moves.arguments, rng,

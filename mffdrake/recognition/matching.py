@@ -118,6 +118,22 @@ class Matcher:
         """
         from mffdrake.recognition import _kernels  # numba: slow to import
 
+        self.check_images(image_right, image_left)
+        poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
+        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
+        result: Array = _kernels.fitness_of_poses(poses, right, left, *self._arguments)
+        return result
+
+    def check_images(self, image_right: Image, image_left: Image) -> None:
+        """Checks that images are of the camera's size.
+
+        Args:
+            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
+            image_left: Left camera's image, likewise.
+
+        Raises:
+            ValueError: When an image has another type or another size than the camera's.
+        """
         for image in (image_right, image_left):
             h, w = self.camera.height, self.camera.width
             if image.shape not in ((h, w, 3), (h, w, 4)) or image.dtype != np.uint8:
@@ -125,7 +141,3 @@ class Matcher:
                     f"an image must be of type uint8 and shape ({h}, {w}, 3 or 4), not of type "
                     f"{image.dtype} and shape {image.shape}"
                 )
-        poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
-        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
-        result: Array = _kernels.fitness_of_poses(poses, right, left, *self._arguments)
-        return result

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import Image, Matcher
+from mffdrake.recognition.refinement import NoRefinement, Refiner
 
 Array = NDArray[np.float64]
 
@@ -57,15 +58,18 @@ class Generation:
 
     Attributes:
         poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
-        fitness: Their fitness, in descending order, shape (N,).
+        fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
+            whatever its fitness.
+        covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
     """
 
     poses: Array
     fitness: Array
+    covariance: Array | None = None
 
     @property
     def best(self) -> Array:
-        """The recognized pose, Eq. (25): the individual of highest fitness, shape (6,)."""
+        """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
         best: Array = self.poses[0]
         return best
 
@@ -85,6 +89,10 @@ class OneStepGaTracker:
         local_moves: How far the small motions go.
         generations_per_frame: Generations on one frame's images; the paper's 1.
         start: Draws the first population.
+        refiner: Refines the best pose of every frame. A refined pose is what the frame recognizes.
+            It takes the place of the population's last individual and becomes the first one, and
+            the next frame's children are drawn around it. It is never rounded to genes, so nothing
+            of its accuracy is lost on the way to the next frame.
         seed: Of the random numbers, at least 0.
 
     Raises:
@@ -107,6 +115,7 @@ class OneStepGaTracker:
     local_moves: LocalMoveParameters = field(default_factory=LocalMoveParameters)
     generations_per_frame: int = 1
     start: Start = field(default_factory=RandomStart)
+    refiner: Refiner = field(default_factory=NoRefinement)
     seed: int = 0
     _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
@@ -142,7 +151,8 @@ class OneStepGaTracker:
             The best of the drawn candidates, as many as the population has.
         """
         candidates = self.start.draw(self._algorithm, self._rng(frame))
-        return self._select(candidates, image_right, image_left)
+        generation = self._select(candidates, image_right, image_left)
+        return self._refine(generation, image_right, image_left)
 
     def track(
         self, generation: Generation, image_right: Image, image_left: Image, *, frame: int
@@ -151,7 +161,8 @@ class OneStepGaTracker:
 
         Args:
             generation: The last frame's population, its poses carried to this frame (Eq. (23)) or,
-                without motion feedforward, as they were.
+                without motion feedforward, as they were. With its covariance, as it was, it keeps
+                the first pose as it is.
             image_right: Right camera's image, uint8, shape (height, width, 3 or 4).
             image_left: Left camera's image, likewise.
             frame: Number of the frame, which the random numbers depend on.
@@ -166,10 +177,22 @@ class OneStepGaTracker:
         if np.shape(generation.poses) != expected:
             raise ValueError(f"poses must have shape {expected}, not {np.shape(generation.poses)}")
         rng = self._rng(frame)
+        center = None if generation.covariance is None else generation.best
         for _ in range(self.generations_per_frame):
-            candidates = self._algorithm.breed(generation.poses, generation.fitness, rng)
-            generation = self._select(candidates, image_right, image_left)
-        return generation
+            candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
+            generation, center = self._select(candidates, image_right, image_left), None
+        return self._refine(generation, image_right, image_left)
+
+    def _refine(self, generation: Generation, image_right: Image, image_left: Image) -> Generation:
+        """Puts the refined best pose first, where there is one."""
+        refined = self.refiner.refine(generation.best, image_right, image_left)
+        if not refined.converged:
+            return generation
+        return Generation(
+            np.concatenate([refined.pose[None], generation.poses[:-1]]),
+            np.concatenate([[refined.fitness], generation.fitness[:-1]]),
+            refined.covariance,
+        )
 
     def _select(self, candidates: Array, image_right: Image, image_left: Image) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""

@@ -36,6 +36,7 @@ class OneStepGaRecognizer(LeafSystem):
         - population
         - population_fitness
         - frame_time
+        - pose_covariance
 
     At every frame (each ``timing.vision_period``, from time 0) it reads the images and takes one
     step of its tracker. Its population comes from ``predicted_population`` where that is connected
@@ -43,7 +44,8 @@ class OneStepGaRecognizer(LeafSystem):
     the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
-    poses and fitness. Outputs depend on the state alone, so the loop through a predictor is none.
+    poses, fitness and covariance. Outputs depend on the state alone, so the loop through a
+    predictor is none.
 
     Ports:
         color_image_right: ImageRgba8U of the right camera (frame C).
@@ -56,6 +58,8 @@ class OneStepGaRecognizer(LeafSystem):
         population: All hypotheses after the last frame, best first, shape (6 N,).
         population_fitness: Their fitness, shape (N,).
         frame_time: Time of the last frame [s]; before the first one NaN.
+        pose_covariance: Covariance of the error of ``pose``, 6 x 6 row by row, shape (36,). NaN
+            where the pose is not refined, as without a refiner in the tracker.
 
     Args:
         tracker: The algorithm, with all of its parameters.
@@ -96,6 +100,7 @@ class OneStepGaRecognizer(LeafSystem):
         self._frame_time = self.DeclareDiscreteState([math.nan])
         self._poses = self.DeclareDiscreteState(np.tile(center, n))
         self._fitness = self.DeclareDiscreteState(n)
+        self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
 
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
@@ -111,6 +116,7 @@ class OneStepGaRecognizer(LeafSystem):
         self.DeclareStateOutputPort("population", self._poses)
         self.DeclareStateOutputPort("population_fitness", self._fitness)
         self.DeclareStateOutputPort("frame_time", self._frame_time)
+        self.DeclareStateOutputPort("pose_covariance", self._covariance)
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._UpdateOnVisionTick
@@ -141,12 +147,18 @@ class OneStepGaRecognizer(LeafSystem):
             generation = self._tracker.start_population(right, left, frame=frame)
         else:
             fitness = context.get_discrete_state(self._fitness).value()
-            last = Generation(self._CarriedPoses(context), fitness)
+            covariance = context.get_discrete_state(self._covariance).value()
+            refined = None if math.isnan(covariance[0]) else covariance.reshape(6, 6)
+            last = Generation(self._CarriedPoses(context), fitness, refined)
             generation = self._tracker.track(last, right, left, frame=frame)
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
         discrete_state.set_value(self._fitness, generation.fitness)
+        covariance = np.full(36, math.nan)
+        if generation.covariance is not None:
+            covariance = generation.covariance.reshape(36)
+        discrete_state.set_value(self._covariance, covariance)
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
         """The last frame's hypotheses: predicted where a predictor is connected."""

@@ -21,7 +21,7 @@ from mffdrake.experiment.simulation import SimulationResult
 
 STAGES = {"render": 8.0, "recognition": 2.0, "prediction": 0.5, "total": 12.5}
 RMS_KEYS = ["x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg"]
-SETTINGS = ["start", "coding", "renderer"]  # Beyond what the issue lists.
+SETTINGS = ["start", "coding", "refinement", "renderer"]  # Beyond what the issue lists.
 ROW_KEYS = [
     "method", "omega", "seed", *SETTINGS, "duration", "frames", "mean_fitness",
     "mean_fitness_settled", "rms", "rms_settled", "wall_s", "realtime_factor", "stages_ms",
@@ -137,6 +137,7 @@ def test_a_row_tells_what_was_run_and_how_fast():
     assert list(row) == ROW_KEYS
     expected = {
         "method": "ga", "omega": 0.157, "seed": 7, "start": "near_target", "coding": "gray",
+        "refinement": "none",
         "renderer": "vtk", "duration": 1.0, "frames": 10, "wall_s": 0.5, "realtime_factor": 2.0,
         "stages_ms": STAGES,
     }  # fmt: skip

@@ -169,6 +169,7 @@ def test_every_key_of_the_issue_is_there():
         "target": {"model", "X_WM"},
         "recognizer": {
             "population_size", "generations_per_frame", "coding", "search_range", "start",
+            "refinement",
         },
         "predictor": {"mode", "latency", "gain"},
         "timing": {"control_period", "vision_period"},
@@ -372,6 +373,7 @@ recognizer:
     eps1: [-0.4, 0.4]
     eps2: [-0.3, 0.3]
     eps3: [-0.2, 0.2]
+  refinement: borders
   start: near_target
   start_spread: [0.02, 0.03]
   sampling: {spacing: 0.025, margin: null, strip_offsets: [0.006]}

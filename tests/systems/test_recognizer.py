@@ -18,6 +18,7 @@ from mffdrake.recognition import (
     BLUE,
     GREEN,
     RED,
+    BorderRefiner,
     Generation,
     GeneticParameters,
     Matcher,
@@ -343,12 +344,61 @@ def test_images_of_another_size_than_the_cameras_are_an_error():
         take_frame(recognizer, context)
 
 
+# Refinement
+
+
+def test_without_a_refiner_there_is_no_covariance():
+    recognizer = OneStepGaRecognizer(tracker=make_tracker())
+    context = recognizer.CreateDefaultContext()
+    fix_images(recognizer, context, START)
+    take_frame(recognizer, context)
+    covariance = recognizer.GetOutputPort("pose_covariance").Eval(context)
+    assert covariance.shape == (36,) and np.isnan(covariance).all()
+
+
+def test_a_refined_pose_and_its_covariance_are_the_trackers():
+    tracker = make_tracker()
+    tracker = make_tracker(refiner=BorderRefiner(tracker.matcher))
+    recognizer = OneStepGaRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    assert np.isnan(recognizer.GetOutputPort("pose_covariance").Eval(context)).all()
+    generation = None
+    for frame in range(4):
+        images = fix_images(recognizer, context, true_pose(0.03 * frame))
+        take_frame(recognizer, context)
+        if frame == 0:
+            generation = tracker.start_population(*images)
+        else:
+            generation = tracker.track(generation, *images, frame=frame)
+        covariance = recognizer.GetOutputPort("pose_covariance").Eval(context).reshape(6, 6)
+        pose = recognizer.GetOutputPort("pose").Eval(context)
+        np.testing.assert_array_equal(pose, generation.best)
+        np.testing.assert_array_equal(covariance, generation.covariance)
+        assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
+        assert np.linalg.norm(pose[:3] - true_pose(0.03 * frame)[:3]) < 0.003
+
+
+def test_a_frame_that_cannot_be_refined_has_no_covariance():
+    tracker = make_tracker()
+    tracker = make_tracker(refiner=BorderRefiner(tracker.matcher))
+    recognizer = OneStepGaRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    fix_images(recognizer, context, START)
+    take_frame(recognizer, context)
+    assert np.isfinite(recognizer.GetOutputPort("pose_covariance").Eval(context)).all()
+    for side in ("right", "left"):
+        grey = to_drake(np.full((CAMERA.height, CAMERA.width, 4), 128, dtype=np.uint8))
+        recognizer.GetInputPort(f"color_image_{side}").FixValue(context, grey)
+    take_frame(recognizer, context)
+    assert np.isnan(recognizer.GetOutputPort("pose_covariance").Eval(context)).all()
+
+
 def test_all_of_its_state_is_discrete_numbers():
     recognizer = OneStepGaRecognizer(tracker=make_tracker())
     context = recognizer.CreateDefaultContext()
     assert context.num_abstract_states() == 0
     assert context.num_continuous_states() == 0
-    assert len(state(context)) == 7 * N + 2  # poses, fitness, the frames' number and time
+    assert len(state(context)) == 7 * N + 2 + 36  # poses, fitness, number, time, covariance
     assert recognizer.num_hypotheses == N
 
 

@@ -1,0 +1,274 @@
+"""Sub-pixel refinement of a pose from the color borders along the solid's edges.
+
+The fitness of a pose counts pixels, so that many poses around the true one share the best. What a
+picture says beyond that stands in the borders: `BorderRefiner` finds where they lie, to parts of a
+pixel, and moves the pose until the projected edges lie there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.matching import Image, Matcher
+from mffdrake.recognition.pose import quaternion_rate_matrix, rotation_angle
+
+Array = NDArray[np.float64]
+
+_OUTCOMES = ("", "too few borders", "the borders leave a motion free", "not settled")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementParameters:
+    """Which borders count, how they are weighted, and when a refined pose is accepted.
+
+    Attributes:
+        window: How far from the projected edges borders are sought at first [px].
+        fine_window: How far once the pose is nearly right [px].
+        coarse_spacing: Until then only every so-manieth row or column is looked at.
+        blend: On both sides of a border, pixels that may be a blend of the two colors; beyond
+            them lie two pixels that show the colors themselves.
+        end_margin: Borders nearer than this to the end of an edge are left out [px]: at a corner a
+            third color is near.
+        min_cosine: Least cosine between a face's normal and the line from its center to the camera
+            for the face to have borders. A face seen more obliquely is a sliver, on both of whose
+            sides colors blend.
+        min_contrast: Least distance between the colors on the two sides, in grey levels (0-255).
+        max_mismatch: How far colors may be off the blend of the two sides, as a share of their
+            distance.
+        min_borders: Least number of borders, on both images together.
+        border_error: Least standard error of one border [px], beside the rounding to pixels.
+        edge_error: Standard deviation of the error that all borders of an edge in an image share
+            [px]: where a renderer or a lens puts an edge. (On the flat renderer and on VTK it was
+            measured to be no more than what rounding explains.)
+        min_trusted: Least mean robust weight of the borders (0 to 1).
+        max_position_std: Greatest standard deviation of the refined position [m].
+        max_rotation_std_deg: Greatest standard deviation of the refined orientation [deg].
+        max_shift: Greatest distance of the refined position from the given one [m].
+        max_turn_deg: Greatest angle between the refined orientation and the given one [deg].
+        fitness_tolerance: How much less fit the refined pose may be than the given one. The
+            true pose is not always the fittest: anti-aliasing costs it up to 0.03.
+
+    Raises:
+        ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> RefinementParameters(window=5).fine_window
+        3
+    """
+
+    window: int = 8
+    fine_window: int = 3
+    coarse_spacing: int = 4
+    blend: int = 2
+    end_margin: float = 4.0
+    min_cosine: float = 0.05
+    min_contrast: float = 30.0
+    max_mismatch: float = 0.15
+    min_borders: int = 40
+    border_error: float = 0.03
+    edge_error: float = 0.01
+    min_trusted: float = 0.5
+    max_position_std: float = 0.002
+    max_rotation_std_deg: float = 1.0
+    max_shift: float = 0.030
+    max_turn_deg: float = 10.0
+    fitness_tolerance: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name, low, high in (
+            ("window", 1, math.inf),
+            ("fine_window", 1, self.window),
+            ("coarse_spacing", 1, math.inf),
+            ("blend", 1, math.inf),
+            ("end_margin", 0.0, math.inf),
+            ("min_cosine", 0.0, 1.0),
+            ("min_contrast", 1.0, math.inf),
+            ("max_mismatch", 0.0, 1.0),
+            ("min_borders", 6, math.inf),
+            ("border_error", 1e-6, math.inf),
+            ("edge_error", 0.0, math.inf),
+            ("min_trusted", 0.0, 1.0),
+            ("max_position_std", 0.0, math.inf),
+            ("max_rotation_std_deg", 0.0, math.inf),
+            ("max_shift", 0.0, math.inf),
+            ("max_turn_deg", 0.0, 180.0),
+            ("fitness_tolerance", 0.0, 1.0),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(
+                    f"refinement: {name} must be between {low:g} and {high:g}, not {value}"
+                )
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What became of a pose.
+
+    Attributes:
+        pose: The refined pose vector, shape (6,); the given one where refinement failed.
+        converged: Whether it is refined.
+        reason: Why not, in words; empty where it is.
+        covariance: Covariance of the error of ``pose``, shape (6, 6); NaN where it is not refined.
+        fitness: Fitness of ``pose``; NaN where there was no need to know it.
+        num_borders: Number of borders that were found.
+        num_jumps: Number of places where a border jumps to the next pixel.
+        trusted: Mean robust weight of the borders, 0 to 1.
+        residual: Root of the mean squared distance of the trusted borders from the edges [px].
+        hardness: From 0 for an image whose borders blend as the covered areas do, to 1 where
+            every pixel shows one color.
+    """
+
+    pose: Array
+    converged: bool = False
+    reason: str = "off"
+    covariance: Array = field(default_factory=lambda: np.full((6, 6), math.nan))
+    fitness: float = math.nan
+    num_borders: int = 0
+    num_jumps: int = 0
+    trusted: float = 0.0
+    residual: float = math.nan
+    hardness: float = math.nan
+
+
+class Refiner(Protocol):
+    """Makes a pose more accurate."""
+
+    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+        """The refined pose, or the given one with a reason."""
+        ...
+
+
+@dataclass(frozen=True)
+class NoRefinement:
+    """Leaves poses as they are.
+
+    Example:
+        >>> image = np.zeros((480, 640, 3), dtype=np.uint8)
+        >>> NoRefinement().refine(np.zeros(6), image, image).converged
+        False
+    """
+
+    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+        """The given pose, not refined."""
+        return Refinement(np.array(pose, dtype=float))
+
+
+class BorderRefiner:
+    """Refines a pose by a few robust Gauss-Newton steps on the color borders in both images.
+
+    *Borders.* A visible edge has one where the two sides differ in color: a silhouette edge, where
+    one of its faces is visible, or an inner edge, where both are and differ in hue. Each is sought
+    on the image's rows (on columns, for an edge nearer to the horizontal). Where a row crosses from
+    the face's hue to another color, the covered shares of the few pixels in between add up to the
+    border's place at the row's middle. That sum has no bias, whether pixels blend the colors by the
+    covered area or show one color only: then it is the true place rounded to whole pixels, evenly
+    from -1/2 to 1/2 px off. Borders with the wrong hue on the inside, with a third color, or with
+    little contrast do not count; wrong ones that remain are taken out by Tukey's weights.
+
+    *Rounding.* The mean of the covered shares tells how hard an image is: pixels of one color
+    only (1), or blended by area (0). In a hard image, neighbors along an edge that is nearly a row
+    or column share their error, so that they count as one. But where their pixel changes, the edge
+    passes through that pixel's center, which a slope m locates to m/sqrt(12) px: those jumps
+    carry most of what such an image tells.
+
+    *Steps.* The border on a row moves by ``f n.dX / (depth n_u)`` as the target's point there moves
+    by ``dX = dt + dtheta x (X - t)``, with n the normal of the plane through the edge and the
+    camera's center. All borders of both images give one least-squares system for ``(dt, dtheta)``,
+    weighted with the inverse of a covariance in which the borders of an edge share an error.
+
+    *Covariance.* It is the inverse of that system's matrix, carried over to the pose vector by
+    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6).
+
+    Args:
+        matcher: The solid, the camera and the tolerances of hue; it also checks the result.
+        parameters: What counts.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel, StereoCamera
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> refiner = BorderRefiner(Matcher(SearchModel(box), StereoCamera()))
+        >>> grey = np.full((480, 640, 3), 128, dtype=np.uint8)
+        >>> refiner.refine([0.0, 0.155, 0.8, 0.0, 0.0, 0.0], grey, grey).reason
+        'too few borders'
+    """
+
+    def __init__(self, matcher: Matcher, parameters: RefinementParameters | None = None) -> None:
+        self.matcher = matcher
+        self.parameters = p = RefinementParameters() if parameters is None else parameters
+        camera, solid, m = matcher.camera, matcher.search_model.solid, matcher.parameters
+        sixth = math.pi / 3.0  # of the color circle
+        self._arguments = (
+            camera.width, camera.height, camera.focal_length, camera.baseline,
+            solid.vertices, solid.edges, solid.edge_faces, solid.normals, solid.centers,
+            solid.hues / sixth,
+            # Three stages: from afar, near, and on every row with as many steps as it takes.
+            np.array([p.window, p.fine_window, p.fine_window]),
+            np.array([p.coarse_spacing, p.coarse_spacing, 1]),
+            np.array([2, 2, 8]),
+            p.blend, p.end_margin, p.min_cosine, p.min_contrast, p.max_mismatch, p.min_borders,
+            p.border_error, p.edge_error,
+            math.radians(m.hue_tolerance_deg) / sixth, m.min_saturation, m.min_value,
+        )  # fmt: skip
+
+    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+        """Refines a pose that is right to within a few millimeters and degrees.
+
+        Args:
+            pose: Pose vector ``(r [m], eps)``, shape (6,).
+            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
+            image_left: Left camera's image, likewise.
+
+        Returns:
+            The refined pose; or the given one, with the reason, when the images say too little or
+            nothing consistent, or the refined pose would be less fit.
+
+        Raises:
+            ValueError: When an image has another type or another size than the camera's.
+        """
+        from mffdrake.recognition import _refinement  # numba: slow to import
+
+        given = np.array(pose, dtype=float).reshape(6)
+        self.matcher.check_images(image_right, image_left)
+        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
+        outcome, refined, C, statistics = _refinement.refine(given, right, left, *self._arguments)
+        num_borders, num_jumps, trusted, residual, hardness = statistics.tolist()
+        reason, fitness = _OUTCOMES[outcome] or self._doubt(given, refined, C, trusted), math.nan
+        if not reason:
+            both = np.stack([refined, given])
+            fitness, least = self.matcher.fitness(both, image_right, image_left).tolist()
+            if fitness < least - self.parameters.fitness_tolerance:
+                reason = "less fit"
+        if reason:
+            return Refinement(
+                given, False, reason, num_borders=int(num_borders), num_jumps=int(num_jumps),
+                trusted=trusted, residual=residual, hardness=hardness,
+            )  # fmt: skip
+        to_pose = np.eye(6)
+        to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
+        return Refinement(
+            refined, True, "", to_pose @ C @ to_pose.T, fitness,
+            int(num_borders), int(num_jumps), trusted, residual, hardness,
+        )  # fmt: skip
+
+    def _doubt(self, given: Array, refined: Array, covariance: Array, trusted: float) -> str:
+        """What speaks against a refined pose, in words; nothing if it is empty."""
+        p, variances = self.parameters, np.diag(covariance)
+        if trusted < p.min_trusted:
+            return "the borders contradict each other"
+        if not (
+            variances[:3].sum() <= p.max_position_std**2
+            and variances[3:].sum() <= math.radians(p.max_rotation_std_deg) ** 2
+        ):
+            return "too uncertain"
+        shift = np.linalg.norm(refined[:3] - given[:3])
+        turn = float(rotation_angle(refined[3:], given[3:]))
+        if not (shift <= p.max_shift and turn <= math.radians(p.max_turn_deg)):
+            return "too far from the given pose"
+        return ""

@@ -1,0 +1,527 @@
+"""Sub-pixel refinement of poses from color borders, on synthetic images."""
+
+import math
+
+import numpy as np
+import pytest
+from synthetic import (
+    arc_poses,
+    hexagonal_prism,
+    paper_box,
+    pose,
+    random_poses_in_view,
+    render,
+    rotation,
+    tetrahedron,
+)
+
+from mffdrake.recognition import (
+    BorderRefiner,
+    Generation,
+    Matcher,
+    NearStart,
+    NoRefinement,
+    OneStepGaTracker,
+    Refinement,
+    RefinementParameters,
+    SearchModel,
+    SolidModel,
+    StereoCamera,
+)
+from mffdrake.recognition.pose import (
+    compose_quaternion_vectors,
+    quaternion_vector,
+    rotate_by,
+    rotation_angle,
+    transform_from_pose,
+    transport_pose,
+)
+
+_borders = pytest.importorskip("mffdrake.recognition._borders")
+_edge_lines = pytest.importorskip("mffdrake.recognition._edge_lines")
+_refinement = pytest.importorskip("mffdrake.recognition._refinement")
+
+BOX, PRISM, TETRAHEDRON = paper_box(), hexagonal_prism(), tetrahedron()
+SOLIDS = {"box": BOX, "prism": PRISM, "tetrahedron": TETRAHEDRON}
+CAMERA = StereoCamera()
+MATCHER = Matcher(SearchModel(BOX), CAMERA)
+REFINER = BorderRefiner(MATCHER)
+TRUTH = pose((0.02, 0.15, 0.78), (0.06, 0.12, -0.05))
+HARD, SMOOTH = 1, 6
+"""Rays a pixel along each side: without blended pixels, and with."""
+
+IMAGES = {sampling: render(BOX, TRUTH, CAMERA, supersampling=sampling) for sampling in (1, 6)}
+NEES_OF_20 = 152.2 / 20.0
+"""The 97.5 % point of chi square with 120 degrees of freedom, a run."""
+
+
+def displaced(psi, rng, shift=0.003, turn_deg=1.0):
+    """A pose off by a distance [m] and an angle, in random directions."""
+    d, a = rng.normal(size=(2, 3))
+    turn = rotate_by(math.radians(turn_deg) * a / np.linalg.norm(a))
+    position = psi[:3] + shift * d / np.linalg.norm(d)
+    return np.concatenate([position, compose_quaternion_vectors(turn, psi[3:])])
+
+
+def noisy(images, rng, deviation):
+    """Images with normal noise [grey levels]."""
+    return tuple(
+        np.clip(np.rint(im + rng.normal(0.0, deviation, im.shape)), 0, 255).astype(np.uint8)
+        for im in images
+    )
+
+
+def errors(refined, truth):
+    """Distance [mm] and angle [deg]."""
+    distance = 1e3 * np.linalg.norm(refined[:3] - truth[:3])
+    return distance, math.degrees(rotation_angle(refined[3:], truth[3:]))
+
+
+def nees(result, truth):
+    """Normalized estimation error squared."""
+    error = truth - result.pose
+    return error @ np.linalg.solve(result.covariance, error)
+
+
+def root_mean_square(values):
+    return np.sqrt(np.mean(np.square(values), axis=0))
+
+
+def lines_at(psi, solid=BOX, camera=CAMERA):
+    return _edge_lines.edge_lines(
+        np.asarray(psi), solid.vertices, solid.edges, camera.focal_length, camera.baseline
+    )
+
+
+def borders_at(psi, images, solid=BOX, camera=CAMERA, **parameters):
+    """Lines, slots and borders at a pose, on every row."""
+    p = RefinementParameters(**parameters)
+    lines = lines_at(psi, solid, camera)
+    right, left = (im.reshape(-1, im.shape[2]) for im in images)
+    slots, borders = _borders.find_borders(
+        psi, lines, right, left, camera.width, camera.height, camera.focal_length,
+        camera.baseline, solid.edge_faces, solid.normals, solid.centers,
+        solid.hues / (math.pi / 3.0), p.fine_window, 1, p.blend, p.end_margin, p.min_cosine,
+        p.min_contrast, p.max_mismatch, 20.0 / 60.0, 0.62, 0.2,
+    )  # fmt: skip
+    return lines, slots, borders
+
+
+def distances(lines, slots, points):
+    """From the lines to points on their rows or columns [px]."""
+    expected = [
+        _edge_lines.crossing(lines, s, at) for s, at in zip(slots, points[:, 0], strict=True)
+    ]
+    return points[:, 1] - np.array(expected)
+
+
+# Geometry
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_lines_are_the_edges_projections(name):
+    solid, rng = SOLIDS[name], np.random.default_rng(1)
+    center = np.array(CAMERA.principal_point)
+    for psi in random_poses_in_view(rng, solid, CAMERA, 5):
+        lines = lines_at(psi, solid)
+        for slot, line in enumerate(lines):
+            ends = solid.vertices[solid.edges[slot % len(solid.edges)]] @ rotation(psi[3:]).T
+            for share in (0.0, 0.3, 1.0):
+                point = (1.0 - share) * ends[0] + share * ends[1] + psi[:3]
+                u, v = CAMERA.project(point)[slot // len(solid.edges)] - center
+                at, across = (v, u) if line[_edge_lines.ROWS] else (u, v)
+                assert _edge_lines.crossing(lines, slot, at) == pytest.approx(across, abs=1e-9)
+        assert (lines[:, _edge_lines.SLOPE] <= 1.0).all()
+
+
+def test_a_line_behind_the_camera_is_none():
+    assert np.isnan(lines_at(pose((0.0, 0.0, 0.05)))).any()
+
+
+def test_a_move_turns_the_target_about_its_origin_by_a_vector_of_the_cameras_frame():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        step = rng.normal(size=6) * [0.1, 0.1, 0.1, 0.8, 0.8, 0.8]
+        moved = _edge_lines.move(TRUTH, step)
+        np.testing.assert_allclose(moved[:3], TRUTH[:3] + step[:3])
+        expected = compose_quaternion_vectors(rotate_by(step[3:]), TRUTH[3:])
+        np.testing.assert_allclose(moved[3:], expected, atol=1e-12)
+    np.testing.assert_array_equal(_edge_lines.move(TRUTH, np.zeros(6))[:3], TRUTH[:3])
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_the_jacobian_is_the_numerical_derivative(name):
+    solid, rng, h = SOLIDS[name], np.random.default_rng(3), 1e-6
+    J = np.empty(6)
+    for psi in random_poses_in_view(rng, solid, CAMERA, 4):
+        lines = lines_at(psi, solid)
+        for slot in range(len(lines)):
+            first, last = lines[slot, [_edge_lines.FIRST, _edge_lines.LAST]]
+            if abs(last - first) < 1.0:
+                continue
+            at = first + rng.uniform(0.1, 0.9) * (last - first)
+            shift = CAMERA.baseline * (slot // len(solid.edges))
+            _edge_lines.crossing_jacobian(lines, slot, at, psi, CAMERA.focal_length, shift, J)
+            for i in range(6):
+                sides = []
+                for sign in (1.0, -1.0):
+                    moved, step = lines.copy(), np.zeros(6)
+                    step[i] = sign * h
+                    _edge_lines.move_lines(
+                        moved, _edge_lines.move(psi, step), solid.vertices, solid.edges,
+                        CAMERA.focal_length, CAMERA.baseline, True,
+                    )  # fmt: skip
+                    sides.append(_edge_lines.crossing(moved, slot, at))
+                numerical = (sides[0] - sides[1]) / (2.0 * h)
+                assert J[i] == pytest.approx(numerical, rel=1e-5, abs=1e-3)
+
+
+def test_the_solver_solves():
+    rng = np.random.default_rng(4)
+    A, b = rng.normal(size=(10, 6)), rng.normal(size=6)
+    L = np.zeros((6, 6))
+    assert _refinement.factor(A.T @ A, L)
+    np.testing.assert_allclose(_refinement.solve(L, b), np.linalg.solve(A.T @ A, b))
+    assert not _refinement.factor(A[:5].T @ A[:5], L)
+
+
+# Borders
+
+
+@pytest.mark.parametrize("sampling", [HARD, SMOOTH])
+@pytest.mark.parametrize("name", SOLIDS)
+def test_borders_lie_on_the_edges_without_bias(name, sampling):
+    solid, rng = SOLIDS[name], np.random.default_rng(5)
+    found, signs = [], []
+    for psi in random_poses_in_view(rng, solid, CAMERA, 12):
+        images = render(solid, psi, CAMERA, supersampling=sampling)
+        lines, slots, borders = borders_at(psi, images, solid)
+        # Outward is away from the mean of the projected corners.
+        for slot in np.unique(slots):
+            r = distances(lines, slots[slots == slot], borders[slots == slot])
+            found.append(r)
+            middle = lines[slot, 4:6].mean()
+            beyond = _edge_lines.crossing(lines, slot, middle) > _middle(psi, solid, slot, lines)
+            signs.append(np.full(len(r), 1.0 if beyond else -1.0))
+    found, signs = np.concatenate(found), np.concatenate(signs)
+    assert len(found) > 3000
+    good = np.abs(found) < 0.6
+    assert good.mean() > 0.99
+    # Neither to the right or down, nor outward
+    assert abs(found[good].mean()) < 0.01
+    assert abs((signs * found)[good].mean()) < 0.01
+    # Rounding to whole pixels is even over one; six samples a side leave at most a sixth of it.
+    spread = sampling * found[good].std() * math.sqrt(12.0)
+    assert spread < 1.05
+    assert sampling > 1 or spread > 0.95
+
+
+def _middle(psi, solid, slot, lines):
+    """The solid's middle in the image, across a slot's line."""
+    middle = solid.vertices.mean(axis=0) @ rotation(psi[3:]).T + psi[:3]
+    u, v = CAMERA.project(middle)[slot // len(solid.edges)] - np.array(CAMERA.principal_point)
+    return u if lines[slot, _edge_lines.ROWS] else v
+
+
+def test_jumps_of_a_hard_border_lie_within_half_a_row():
+    seen = []
+    for psi in arc_poses(9) + [0.001, 0.002, 0.003, 0.002, 0.0, 0.004]:
+        lines, slots, borders = borders_at(psi, render(BOX, psi, CAMERA))
+        which, jumps = _borders.find_jumps(slots, borders, lines, CAMERA.width, CAMERA.height)
+        slope = lines[which, _edge_lines.SLOPE]
+        seen.append(distances(lines, which, jumps) / slope)
+        assert (jumps[:, 2] == 1.0).all()  # no row wavers
+    seen = np.concatenate(seen)
+    assert len(seen) > 100
+    assert np.abs(seen).max() < 0.5 + 1e-6
+    assert seen.std() == pytest.approx(1.0 / math.sqrt(12.0), rel=0.15)
+
+
+def test_neighbors_of_the_same_hue_have_no_border():
+    same = SolidModel(BOX.vertices, BOX.faces, np.full(6, 2.0))
+    psi = pose((0.0, 0.155, 0.8), (0.1, 0.2, 0.1))
+    _, slots, _ = borders_at(psi, render(same, psi, CAMERA), same)
+    looking = (same.normals @ rotation(psi[3:]).T * psi[:3]).sum(axis=1) < 0
+    pairs = looking[same.edge_faces[slots % 12]]
+    assert len(slots) > 200
+    assert (pairs.sum(axis=1) == 1).all()
+
+
+def test_borders_of_another_color_on_the_inside_do_not_count():
+    other = SolidModel(BOX.vertices, BOX.faces, BOX.hues + 0.8)
+    _, slots, _ = borders_at(TRUTH, render(other, TRUTH, CAMERA))
+    assert len(slots) == 0
+
+
+# Accuracy
+
+
+@pytest.mark.parametrize(
+    ("sampling", "noise", "position", "angle"),
+    [(HARD, 0, 0.30, 0.08), (HARD, 5, 0.30, 0.08), (SMOOTH, 0, 0.1, 0.03), (SMOOTH, 5, 0.2, 0.06)],
+)
+@pytest.mark.parametrize("name", SOLIDS)
+def test_accuracy_from_three_millimeters_and_one_degree_off(name, sampling, noise, position, angle):
+    solid, rng = SOLIDS[name], np.random.default_rng(11)
+    refiner = BorderRefiner(Matcher(SearchModel(solid), CAMERA))
+    found = []
+    for psi in random_poses_in_view(rng, solid, CAMERA, 20):
+        images = noisy(render(solid, psi, CAMERA, supersampling=sampling), rng, noise)
+        result = refiner.refine(displaced(psi, rng), *images)
+        if result.converged:
+            found.append(errors(result.pose, psi))
+    assert len(found) >= 19
+    assert (root_mean_square(found) < [position, angle]).all()
+
+
+@pytest.mark.parametrize(("width", "limit"), [(320, 1.5), (1280, 0.1)])
+def test_image_sizes(width, limit):
+    camera = StereoCamera.from_fov(width=width, height=width * 3 // 4, fov_y=math.radians(45))
+    refiner, rng = BorderRefiner(Matcher(SearchModel(BOX), camera)), np.random.default_rng(12)
+    found = []
+    for psi in random_poses_in_view(rng, BOX, camera, 6):
+        result = refiner.refine(displaced(psi, rng), *render(BOX, psi, camera))
+        assert result.converged
+        found.append(errors(result.pose, psi)[0])
+    assert root_mean_square(found) < limit
+
+
+def test_an_alpha_channel_makes_no_difference():
+    start = displaced(TRUTH, np.random.default_rng(13))
+    plain = REFINER.refine(start, *IMAGES[HARD])
+    alpha = (np.dstack([im, np.full(im.shape[:2], 255, np.uint8)]) for im in IMAGES[HARD])
+    np.testing.assert_array_equal(REFINER.refine(start, *alpha).pose, plain.pose)
+
+
+def test_the_result_hardly_depends_on_the_start():
+    rng = np.random.default_rng(14)
+    results = [REFINER.refine(displaced(TRUTH, rng), *IMAGES[HARD]) for _ in range(10)]
+    assert all(result.converged for result in results)
+    spread = np.std([result.pose for result in results], axis=0)
+    assert (spread[:3] < 3e-5).all() and (spread[3:] < 1e-4).all()
+
+
+def test_hardness_tells_blended_images():
+    assert REFINER.refine(TRUTH, *IMAGES[HARD]).hardness == 1.0
+    smooth = REFINER.refine(TRUTH, *IMAGES[SMOOTH])
+    assert smooth.hardness < 0.2 and smooth.num_jumps == 0
+
+
+@pytest.mark.parametrize("color", [(90, 90, 90), (200, 180, 40)])
+@pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
+def test_half_of_the_target_hidden(side, color):
+    rng, found = np.random.default_rng(15), []
+    for psi in random_poses_in_view(rng, BOX, CAMERA, 4):
+        images = render(BOX, psi, CAMERA)
+        for image in images:
+            v, u = np.nonzero(np.ptp(image, axis=2) > 60)
+            middle_u, middle_v = int(u.mean()), int(v.mean())
+            if side in ("left", "right"):
+                image[:, slice(middle_u) if side == "left" else slice(middle_u, None)] = color
+            else:
+                image[slice(middle_v) if side == "top" else slice(middle_v, None)] = color
+        start = displaced(psi, rng)
+        result = REFINER.refine(start, *images)
+        if result.converged:
+            found.append(errors(result.pose, psi))
+            assert nees(result, psi) < 30.0
+        else:
+            np.testing.assert_array_equal(result.pose, start)
+    assert len(found) >= 2
+    assert (root_mean_square(found) < [1.5, 0.5]).all()
+
+
+# Covariance
+
+
+@pytest.mark.parametrize(("sampling", "noise"), [(HARD, 0), (HARD, 3), (SMOOTH, 2), (SMOOTH, 4)])
+def test_the_covariance_is_not_too_small(sampling, noise):
+    values = []
+    for seed in range(20):
+        rng = np.random.default_rng([16, seed])
+        psi = random_poses_in_view(rng, BOX, CAMERA, 1)[0]
+        images = noisy(render(BOX, psi, CAMERA, supersampling=sampling), rng, noise)
+        result = REFINER.refine(displaced(psi, rng), *images)
+        if result.converged:
+            np.testing.assert_allclose(result.covariance, result.covariance.T, atol=1e-15)
+            values.append(nees(result, psi))
+    assert len(values) >= 19
+    assert 0.3 < np.mean(values) < NEES_OF_20
+
+
+# When it fails
+
+
+def assert_refused(result, given, reason):
+    assert not result.converged
+    assert reason in result.reason
+    np.testing.assert_array_equal(result.pose, given)
+    assert np.isnan(result.covariance).all()
+
+
+def test_nothing_to_see():
+    grey = np.full((480, 640, 3), 128, dtype=np.uint8)
+    assert_refused(REFINER.refine(TRUTH, grey, grey), TRUTH, "too few borders")
+
+
+def test_a_pose_far_off():
+    start = TRUTH + [0.06, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert not REFINER.refine(start, *IMAGES[HARD]).converged
+
+
+@pytest.mark.parametrize("z", [-1.0, 0.02])
+def test_a_pose_behind_or_around_the_camera(z):
+    start = pose((0.0, 0.0, z))
+    assert_refused(REFINER.refine(start, *IMAGES[HARD]), start, "too few")
+
+
+def test_a_solid_partly_out_of_the_image():
+    psi = pose((0.20, 0.15, 0.78), TRUTH[3:])
+    start = displaced(psi, np.random.default_rng(17))
+    result = REFINER.refine(start, *render(BOX, psi, CAMERA))
+    if result.converged:
+        assert errors(result.pose, psi)[0] < errors(start, psi)[0]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"max_position_std": 1e-7}, "too uncertain"),
+        ({"max_rotation_std_deg": 1e-6}, "too uncertain"),
+        ({"max_shift": 1e-4}, "too far"),
+        ({"max_turn_deg": 0.1}, "too far"),
+        ({"min_borders": 5000}, "too few"),
+        ({"min_trusted": 1.0}, "contradict"),
+    ],
+)
+def test_every_doubt_has_its_reason(parameters, reason):
+    start = displaced(TRUTH, np.random.default_rng(18))
+    refiner = BorderRefiner(MATCHER, RefinementParameters(**parameters))
+    assert_refused(refiner.refine(start, *IMAGES[HARD]), start, reason)
+
+
+def test_a_less_fit_pose_is_refused():
+    class Liar(Matcher):
+        def fitness(self, poses, image_right, image_left):
+            return np.array([0.90, 0.96])
+
+    start = displaced(TRUTH, np.random.default_rng(19))
+    refiner = BorderRefiner(Liar(SearchModel(BOX), CAMERA))
+    assert_refused(refiner.refine(start, *IMAGES[HARD]), start, "less fit")
+
+
+def test_refinement_makes_no_start_worse():
+    rng = np.random.default_rng(20)
+    for psi in random_poses_in_view(rng, BOX, CAMERA, 30):
+        images = noisy(render(BOX, psi, CAMERA), rng, 3)
+        start = displaced(psi, rng, rng.uniform(0.002, 0.03), rng.uniform(0.5, 6.0))
+        result = REFINER.refine(start, *images)
+        # The distance of the corners counts both, position and orientation.
+        before, after = (_corner_error(p, psi) for p in (start, result.pose))
+        assert after <= before
+
+
+def _corner_error(psi, truth):
+    moved = [BOX.vertices @ rotation(p[3:]).T + p[:3] for p in (psi, truth)]
+    return np.linalg.norm(moved[0] - moved[1], axis=1).max()
+
+
+def test_wrong_images_are_named():
+    for image in (np.zeros((48, 64, 3), np.uint8), np.zeros((480, 640, 3))):
+        with pytest.raises(ValueError, match="uint8 and shape"):
+            REFINER.refine(TRUTH, image, image)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"window": 0}, {"fine_window": 9}, {"coarse_spacing": 0}, {"blend": 0},
+        {"end_margin": -1.0}, {"min_cosine": 1.5}, {"min_contrast": 0.0}, {"max_mismatch": 2.0},
+        {"min_borders": 3}, {"border_error": 0.0}, {"edge_error": -1.0}, {"min_trusted": 1.1},
+        {"max_position_std": -1.0}, {"max_rotation_std_deg": math.nan}, {"max_shift": -1.0},
+        {"max_turn_deg": 200.0}, {"fitness_tolerance": -0.1},
+    ],
+)  # fmt: skip
+def test_parameters_out_of_range_are_named(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        RefinementParameters(**wrong)
+
+
+# In the tracker
+
+
+class Fixed:
+    """Says that some pose is the refined one, whatever the images."""
+
+    def __init__(self, psi, fitness=0.5):
+        self.result = Refinement(np.asarray(psi), True, "", np.eye(6), fitness)
+
+    def refine(self, pose, image_right, image_left):
+        return self.result
+
+
+def tracker(**parameters):
+    return OneStepGaTracker(**{"matcher": MATCHER, "start": NearStart(TRUTH)} | parameters)
+
+
+def test_a_refined_pose_is_recognized_and_takes_the_last_place_in_the_population():
+    odd = TRUTH + 1.23456789e-5  # no genes give that
+    plain, refined = tracker(), tracker(refiner=Fixed(odd))
+    a, b = (t.start_population(*IMAGES[HARD]) for t in (plain, refined))
+    np.testing.assert_array_equal(b.best, odd)
+    np.testing.assert_array_equal(b.poses[1:], a.poses[:-1])
+    np.testing.assert_array_equal(b.fitness, np.concatenate([[0.5], a.fitness[:-1]]))
+    np.testing.assert_array_equal(b.covariance, np.eye(6))
+    assert a.covariance is None
+
+
+def test_a_refined_pose_meets_the_next_frame_just_as_it_is():
+    odd = TRUTH + 1.23456789e-5
+    last = tracker(refiner=Fixed(odd)).start_population(*IMAGES[HARD])
+    following = tracker().track(last, *IMAGES[HARD], frame=1)
+    assert (following.poses == odd).all(axis=1).any()
+    # Without its covariance a pose is one like any other.
+    rounded = tracker().track(Generation(last.poses, last.fitness), *IMAGES[HARD], frame=1)
+    assert not (rounded.poses == odd).all(axis=1).any()
+
+
+def test_a_failed_refinement_changes_nothing():
+    plain, off = tracker(), tracker(refiner=NoRefinement())
+    hopeless = tracker(refiner=BorderRefiner(MATCHER, RefinementParameters(min_borders=10**6)))
+    results = []
+    for algorithm in (plain, off, hopeless):
+        generation = algorithm.start_population(*IMAGES[HARD])
+        for frame in range(1, 6):
+            generation = algorithm.track(generation, *IMAGES[HARD], frame=frame)
+        results.append((generation.poses.tobytes(), generation.fitness.tobytes()))
+    assert len(set(results)) == 1
+
+
+@pytest.mark.parametrize("feedforward", [True, False])
+def test_tracking_a_moving_target(feedforward):
+    path = [pose((0.002 * k, 0.15, 0.78), (0.05, 0.005 * k, 0.0)) for k in range(12)]
+    found = {}
+    for name, refiner in (("none", NoRefinement()), ("borders", REFINER)):
+        algorithm = tracker(refiner=refiner, start=NearStart(path[0]), seed=3)
+        generation = algorithm.start_population(*render(BOX, path[0], CAMERA))
+        found[name] = []
+        for k in range(1, len(path)):
+            if feedforward:
+                (R0, p0), (R1, p1) = (transform_from_pose(p) for p in path[k - 1 : k + 1])
+                R = R1 @ R0.T
+                moved = transport_pose(generation.poses, R, p1 - R @ p0)
+                generation = Generation(moved, generation.fitness, generation.covariance)
+            generation = algorithm.track(generation, *render(BOX, path[k], CAMERA), frame=k)
+            found[name].append(errors(generation.best, path[k]))
+    settled = {name: root_mean_square(values[4:]) for name, values in found.items()}
+    assert (settled["borders"] < [0.3, 0.1]).all()
+    assert (settled["borders"] < 0.5 * settled["none"]).all()
+
+
+def test_the_quaternion_s_sign_does_not_matter():
+    # Close to a half turn the vector part may jump to its opposite; the pose is the same.
+    eps = quaternion_vector(rotation((0.0, 0.0, 0.999)))
+    psi = pose((0.0, 0.15, 0.8), eps)
+    result = REFINER.refine(displaced(psi, np.random.default_rng(21)), *render(BOX, psi, CAMERA))
+    assert result.converged
+    assert errors(result.pose, psi)[0] < 1.0
