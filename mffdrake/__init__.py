@@ -32,9 +32,9 @@ _MODULES = {
     "experiment.sweep": "Sweep",
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
-        "GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters NearStart "
-        "OneStepGaTracker RandomStart SamplingParameters SearchModel SearchRange SolidModel "
-        "StereoCamera"
+        "BorderRefiner GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters "
+        "NearStart OneStepGaTracker RandomStart RefinementParameters SamplingParameters "
+        "SearchModel SearchRange SolidModel StereoCamera"
     ),
     "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
     "systems.camera_delay": "AddDelay",

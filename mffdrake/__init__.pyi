@@ -45,6 +45,7 @@ from mffdrake.experiment.sweep import Sweep as Sweep
 from mffdrake.experiment.visualization import AddMeshcat as AddMeshcat
 from mffdrake.experiment.visualization import PoseEstimateVisualizer as PoseEstimateVisualizer
 from mffdrake.experiment.visualization import SaveReplay as SaveReplay
+from mffdrake.recognition import BorderRefiner as BorderRefiner
 from mffdrake.recognition import GeneCoding as GeneCoding
 from mffdrake.recognition import GeneticParameters as GeneticParameters
 from mffdrake.recognition import LocalMoveParameters as LocalMoveParameters
@@ -53,6 +54,7 @@ from mffdrake.recognition import MatchingParameters as MatchingParameters
 from mffdrake.recognition import NearStart as NearStart
 from mffdrake.recognition import OneStepGaTracker as OneStepGaTracker
 from mffdrake.recognition import RandomStart as RandomStart
+from mffdrake.recognition import RefinementParameters as RefinementParameters
 from mffdrake.recognition import SamplingParameters as SamplingParameters
 from mffdrake.recognition import SearchModel as SearchModel
 from mffdrake.recognition import SearchRange as SearchRange

@@ -17,6 +17,7 @@ import pytest
 from worker_functions import wait_for
 
 from mffdrake.experiment.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.diagram import CheckScenario
 from mffdrake.experiment.evaluation import Evaluate, FlattenRow
 from mffdrake.experiment.executors import InProcess
 from mffdrake.experiment.fingerprint import CodeFingerprint
@@ -458,11 +459,15 @@ def test_without_a_graphics_driver_it_says_so_once(folder):
     assert "cannot render" in line
 
 
-def test_the_example_grids_load():
-    examples = sorted((Path(__file__).parents[2] / "scenarios").glob("*.yaml"))
-    assert examples
-    for file in examples:
+def test_the_example_grids_and_scenarios_load_and_can_be_run():
+    folder = Path(__file__).parents[2] / "scenarios"
+    examples = set(folder.glob("*.yaml"))
+    grids = {file for file in examples if "\ngrid:" in file.read_text(encoding="utf-8")}
+    assert grids and examples - grids
+    for file in grids:
         assert LoadGrid(file).runs
+    for file in examples - grids:
+        CheckScenario(LoadScenario(file))
 
 
 def test_the_grid_file_in_the_readme_loads(tmp_path):
