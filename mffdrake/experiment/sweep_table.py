@@ -24,7 +24,8 @@ FORMATS = ("parquet", "csv")
 
 # The columns of `Evaluate`'s rows that are there even where no run was done: all but the stages'.
 _EVALUATED: dict[str, type] = {
-    "method": str, "omega": float, "seed": int, "start": str, "coding": str, "renderer": str,
+    "method": str, "omega": float, "seed": int, "start": str, "coding": str,
+    "refinement": str, "renderer": str,
     "duration": float, "frames": int, "mean_fitness": float, "mean_fitness_settled": float,
     **{f"{when}.{name}": float for when in ("rms", "rms_settled") for name in RMS_ERRORS},
     "wall_s": float, "realtime_factor": float,
