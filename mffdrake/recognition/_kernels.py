@@ -98,6 +98,7 @@ def fitness_of_poses(
     inside_points: Array,
     inside_start: IntArray,
     inside_distances: Array,
+    nearest: Array,
     side_centers: Array,
     side_directions: Array,
     normals: Array,
@@ -120,11 +121,11 @@ def fitness_of_poses(
 
     The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
     `SolidModel` and `MatchingParameters`, but for these: images are lists of pixels, shape
-    (height * width, 3 or 4); the points are transposed, shape (3, number); ``model_hues`` are the
-    hues that occur, ``face_hues`` those of the faces; hues are in sixths of the color circle.
+    (height * width, 3 or 4); the points are transposed, shape (3, number), and ``nearest`` is each
+    one's distance to the nearest side; ``model_hues`` are the hues that occur, ``face_hues`` those
+    of the faces; hues are in sixths of the color circle.
     """
     num_faces, num_edges = len(normals), len(edge_directions)
-    nearest = np.array([distances.min() for distances in inside_distances])
     most_sides = inside_distances.shape[1]
     visible = np.empty(num_faces, dtype=np.bool_)
     least = np.zeros(most_sides)

@@ -93,7 +93,8 @@ class Matcher:
         self._arguments = (
             camera.width, camera.height, camera.focal_length, camera.baseline,
             np.ascontiguousarray(search_model.inside_points.T), search_model.inside_start,
-            search_model.inside_distances, search_model.side_centers, search_model.side_directions,
+            search_model.inside_distances, search_model.inside_distances.min(axis=1),
+            search_model.side_centers, search_model.side_directions,
             solid.normals, solid.centers, solid.hues / sixth,
             np.ascontiguousarray(search_model.edge_points.T), search_model.edge_start,
             search_model.edge_directions, solid.edge_faces, search_model.strip_offsets,
