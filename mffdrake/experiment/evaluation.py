@@ -26,6 +26,7 @@ __all__ = [
     "MarkdownTable",
     "Medians",
     "Versions",
+    "WriteCsv",
     "WriteResults",
 ]
 
@@ -182,14 +183,25 @@ def WriteResults(rows: Sequence[dict[str, Any]], folder: Path, *, as_csv: bool =
         data = {"runs": list(rows), "versions": Versions()}
         part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
     if as_csv:
-        flat = [FlattenRow(row) for row in rows]
-        with (
-            WholeFile(folder / "results.csv") as part,
-            part.open("w", newline="", encoding="utf-8") as file,
-        ):
-            writer = csv.DictWriter(file, fieldnames=list(flat[0]))
-            writer.writeheader()
-            writer.writerows(flat)
+        WriteCsv(rows, folder / "results.csv")
+
+
+def WriteCsv(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Writes rows as CSV, whole or not at all: one line a row, nested names joined by dots.
+
+    Args:
+        rows: Rows of `Evaluate`, or of others; a figure that a row lacks is left empty.
+        path: The file.
+
+    Raises:
+        OSError: When it cannot be written.
+    """
+    flat = [FlattenRow(row) for row in rows]
+    names = list(dict.fromkeys(name for row in flat for name in row))
+    with WholeFile(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=names)
+        writer.writeheader()
+        writer.writerows(flat)
 
 
 def FlattenRow(row: dict[str, Any]) -> dict[str, Any]:

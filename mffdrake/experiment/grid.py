@@ -6,7 +6,6 @@ import copy
 import difflib
 import itertools
 import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import yaml
 from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
 
-from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError, WithSeed
 from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml
 
 __all__ = ["Grid", "GridRun", "LoadGrid", "MakeGrid"]
@@ -279,9 +278,4 @@ def _MakeRuns(
             raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
         text = str(yaml_dump(data))
         for seed in seeds:
-            # The line is there once: what is nested is indented.
-            yield GridRun(
-                values=values,
-                seed=seed,
-                scenario=re.sub(r"(?m)^seed: \d+$", f"seed: {seed}", text),
-            )
+            yield GridRun(values=values, seed=seed, scenario=WithSeed(text, seed))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import dataclasses as dc
 import json
 import re
@@ -11,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mffdrake.experiment.evaluation import FlattenRow, Versions
+from mffdrake.experiment.evaluation import Versions, WriteCsv
 from mffdrake.experiment.executors import Executor
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
@@ -174,15 +173,7 @@ def _WriteNumbers(
     ):
         with WholeFile(folder / name) as part:
             part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    flat = [FlattenRow(row) for row in rows]
-    names = list(dict.fromkeys(name for row in flat for name in row))
-    with (
-        WholeFile(folder / "runs.csv") as part,
-        part.open("w", newline="", encoding="utf-8") as file,
-    ):
-        writer = csv.DictWriter(file, fieldnames=names)
-        writer.writeheader()
-        writer.writerows(flat)
+    WriteCsv(rows, folder / "runs.csv")
 
 
 def _Figures(

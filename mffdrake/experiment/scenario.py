@@ -5,6 +5,7 @@
 import copy
 import dataclasses as dc
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from mffdrake.experiment.scenario_sections import (
 from mffdrake.systems.pd_controller import PD_GAINS
 from mffdrake.systems.renderers import RENDERERS
 
-__all__ = ["METHODS", "LoadScenario", "Scenario", "ScenarioError"]
+__all__ = ["METHODS", "LoadScenario", "Scenario", "ScenarioError", "WithSeed"]
 
 METHODS = ("ga", "mff")
 """The methods: the plain 1-step GA, and the same with motion feedforward."""
@@ -217,6 +218,24 @@ def LoadScenario(
         except ScenarioError as error:
             raise ScenarioError(f"{name}: {error}") from error
     return scenario
+
+
+def WithSeed(dumped: str, seed: int) -> str:
+    """A dumped scenario with another seed; reading and writing it takes some milliseconds.
+
+    Args:
+        dumped: What `Scenario.Dump` made.
+        seed: The seed, at least 0.
+
+    Returns:
+        The same YAML but for the seed.
+
+    Example:
+        >>> LoadScenario(text=WithSeed(Scenario().Dump(), 7)).seed
+        7
+    """
+    # The line is there once: what is nested is indented.
+    return re.sub(r"(?m)^seed: \d+$", f"seed: {seed}", dumped)
 
 
 def _AddNulls(data: dict[str, Any], config: object) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mffdrake.experiment.scenario import LoadScenario, Scenario
+from mffdrake.experiment.scenario import LoadScenario, Scenario, WithSeed
 
 __all__ = ["PlanRuns", "PlannedRun", "Study", "Variant"]
 
@@ -102,10 +101,8 @@ def PlanRuns(studies: Sequence[Study], base: Scenario) -> tuple[PlannedRun, ...]
             scenario = flat
             for text in variant.changes:
                 scenario = LoadScenario(text=text, defaults=scenario)
-            # The seed is put into the text, as writing and checking it takes some milliseconds.
-            # The line is there once: what is nested is indented.
             dumped = scenario.Dump()
             for seed in range(base.seed, base.seed + study.seeds):
-                text = re.sub(r"(?m)^seed: \d+$", f"seed: {seed}", dumped)
+                text = WithSeed(dumped, seed)
                 runs.append(PlannedRun(study=study, variant=variant, seed=seed, scenario=text))
     return tuple(runs)
