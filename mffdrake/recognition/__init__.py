@@ -1,8 +1,10 @@
-"""Pose recognition in pure NumPy and compiled kernels: usable on any pair of images.
+"""Pose recognition in pure NumPy and compiled kernels: usable on the images of any rig.
 
 Nothing here imports pydrake.
 """
 
+from mffdrake.recognition.cameras import Camera, CameraRig, Distortion
+from mffdrake.recognition.colors import ColorModel, FaceColor
 from mffdrake.recognition.genetic import (
     POSE_COORDINATES,
     GeneCoding,
@@ -27,7 +29,6 @@ from mffdrake.recognition.solid_model import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.stereo import StereoCamera
 from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker, RandomStart, Start
 
 __all__ = [
@@ -36,6 +37,11 @@ __all__ = [
     "POSE_COORDINATES",
     "RED",
     "BorderRefiner",
+    "Camera",
+    "CameraRig",
+    "ColorModel",
+    "Distortion",
+    "FaceColor",
     "GeneCoding",
     "Generation",
     "GeneticAlgorithm",
@@ -56,5 +62,4 @@ __all__ = [
     "SearchRange",
     "SolidModel",
     "Start",
-    "StereoCamera",
 ]

@@ -1,80 +1,123 @@
 """Compiled search for color borders along a solid's projected edges (numba; import it late).
 
-`BorderRefiner` says what a border is; here is how it is found. Slots and image coordinates are
-those of `_edge_lines`; hues and their tolerance are in sixths of the color circle.
+`BorderRefiner` says what a border is; here is how it is found. Slots and lines are those of
+`_edge_lines`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import FIRST, L0, L1, L2, LAST, ROWS, crossing, rotation
-from mffdrake.recognition._kernels import _shows_hue
+from mffdrake.recognition._edge_lines import Lines, cross, rotation
+from mffdrake.recognition._kernels import ColorGate, Scene, new_placed, place, shown_colors
+from mffdrake.recognition._lens import Eye, pixel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
+Borders = NDArray[np.void]
 Color: TypeAlias = tuple[float, float, float]
+
+BORDER = np.dtype(
+    [
+        ("slot", np.int64),
+        ("along", np.float64),  # the row (or column) [px]
+        ("across", np.float64),  # where on it [px]
+        ("blended", np.float64),  # how blended the pixels are that it crosses
+        ("within", np.float64),  # a jump's: within how many rows it lies
+        ("weight", np.float64),  # in the least-squares system
+    ]
+)
+"""A border on a row or column; or a jump of it to the next pixel, see `find_jumps`."""
+
+
+class BorderRules(NamedTuple):
+    """Which borders count: attributes of the same names of `RefinementParameters`."""
+
+    blend: int
+    end_margin: float
+    min_cosine: float
+    min_contrast: float
+    max_mismatch: float
+    min_borders: int
+    border_error: float
+    edge_error: float
+
+
+class Stage(NamedTuple):
+    """How borders are sought: how far from the edges [px], on every so-manieth row; and then."""
+
+    window: int
+    spacing: int
+    steps: int
+
+
+class Scan(NamedTuple):
+    """A row or column of an image: ``pixels[origin + stride * k]``, k from 0 to length - 1.
+
+    A border is expected at ``expected``, its inside against the direction ``outward`` (1 or -1).
+    """
+
+    origin: int
+    stride: int
+    length: int
+    expected: float
+    outward: int
+    window: int
+
+
+class Sides(NamedTuple):
+    """Colors of the two sides of an edge; ``outside`` is 0 where anything else may lie there."""
+
+    inside: int
+    outside: int
 
 
 @njit(cache=True, error_model="numpy")
 def _mean_color(pixels: Image, first: int, second: int) -> Color:
     """Mean of two pixels."""
-    p, q = pixels[first], pixels[second]
     return (
-        0.5 * (float(p[0]) + float(q[0])),
-        0.5 * (float(p[1]) + float(q[1])),
-        0.5 * (float(p[2]) + float(q[2])),
+        0.5 * (float(pixels[first, 0]) + float(pixels[second, 0])),
+        0.5 * (float(pixels[first, 1]) + float(pixels[second, 1])),
+        0.5 * (float(pixels[first, 2]) + float(pixels[second, 2])),
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _find_border(
-    pixels: Image,
-    origin: int,
-    stride: int,
-    length: int,
-    expected: float,
-    outward: int,
-    window: int,
-    blend: int,
-    hue: Array,
-    other_hue: Array,
-    min_contrast: float,
-    max_mismatch: float,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-) -> tuple[float, float]:
-    """Sub-pixel position of a border on a row or column, and how blended it is; NaN for none.
+def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
+    """Whether a pixel shows a color."""
+    shown = shown_colors(gate, pixels[k, 0], pixels[k, 1], pixels[k, 2])
+    return (shown & color) != 0  # type: ignore[no-any-return]
 
-    The row or column is ``pixels[origin + stride * k]`` for k from 0 to length - 1, the border is
-    expected at ``expected`` and its inside lies against the direction ``outward`` (1 or -1).
-    """
+
+@njit(cache=True, error_model="numpy")
+def _find_border(
+    pixels: Image, scan: Scan, sides: Sides, gate: ColorGate, rules: BorderRules
+) -> tuple[float, float]:
+    """Sub-pixel position of a border on a row or column, and how blended it is; NaN for none."""
     nothing = (np.nan, 0.0)
-    k = math.floor(expected + 0.5)
+    origin, stride, outward, blend = scan.origin, scan.stride, scan.outward, rules.blend
+    k = math.floor(scan.expected + 0.5)
     # All that can be read must be in the image.
-    reach = window + blend + 3
-    if k < reach or k + reach >= length:
+    reach = scan.window + blend + 3
+    if k < reach or k + reach >= scan.length:
         return nothing
-    # From the expected place to the nearest pixel that shows the hue before one that does not
+    # From the expected place to the nearest pixel that shows the color before one that does not
     steps = 0
-    p = pixels[origin + stride * k]
     direction = -outward
-    if _shows_hue(p[0], p[1], p[2], hue, hue_tolerance, min_saturation, min_value):
+    if _shows(pixels, origin + stride * k, gate, sides.inside):
         direction = outward
     while True:
         steps += 1
-        if steps > window:
+        if steps > scan.window:
             return nothing
         k += direction
-        p = pixels[origin + stride * k]
-        shown = _shows_hue(p[0], p[1], p[2], hue, hue_tolerance, min_saturation, min_value)
+        shown = _shows(pixels, origin + stride * k, gate, sides.inside)
         if shown and direction != outward:
             break
         if not shown and direction == outward:
@@ -87,27 +130,29 @@ def _find_border(
     r1, g1, b1 = _mean_color(pixels, last + (blend + 1) * step, last + (blend + 2) * step)
     dr, dg, db = r0 - r1, g0 - g1, b0 - b1
     contrast = dr * dr + dg * dg + db * db
-    if contrast < min_contrast * min_contrast:
+    if contrast < rules.min_contrast * rules.min_contrast:
         return nothing
-    if not _shows_hue(r0, g0, b0, hue, hue_tolerance, min_saturation, min_value):
+    within = shown_colors(gate, int(r0), int(g0), int(b0))
+    beyond = shown_colors(gate, int(r1), int(g1), int(b1))
+    if (within & sides.inside) == 0:
         return nothing
-    if len(other_hue) > 0:
-        if not _shows_hue(r1, g1, b1, other_hue, hue_tolerance, min_saturation, min_value):
+    if sides.outside != 0:
+        if (beyond & sides.outside) == 0:
             return nothing
-    elif _shows_hue(r1, g1, b1, hue, hue_tolerance, min_saturation, min_value):
+    elif (beyond & sides.inside) != 0:
         return nothing
     total, blended = 0.0, 0.0
     for i in range(-blend - 1, blend + 3):
-        p = pixels[last + i * step]
-        r, g, b = float(p[0]) - r1, float(p[1]) - g1, float(p[2]) - b1
+        p = last + i * step
+        r, g, b = float(pixels[p, 0]) - r1, float(pixels[p, 1]) - g1, float(pixels[p, 2]) - b1
         share = (r * dr + g * dg + b * db) / contrast
         # A third color is no blend of the two.
         away = r * r + g * g + b * b - share * share * contrast
-        if away > max_mismatch * max_mismatch * contrast:
+        if away > rules.max_mismatch * rules.max_mismatch * contrast:
             return nothing
-        if i <= -blend + 1 and abs(share - 1.0) > max_mismatch:
+        if i <= -blend + 1 and abs(share - 1.0) > rules.max_mismatch:
             return nothing
-        if i >= blend and abs(share) > max_mismatch:
+        if i >= blend and abs(share) > rules.max_mismatch:
             return nothing
         if -blend < i <= blend:
             total += share
@@ -117,102 +162,96 @@ def _find_border(
 
 @njit(cache=True, error_model="numpy")
 def find_borders(
-    pose: Array,
-    lines: Array,
-    pixels_right: Image,
-    pixels_left: Image,
-    width: int,
-    height: int,
-    focal_length: float,
-    baseline: float,
-    edge_faces: IntArray,
-    normals: Array,
-    centers: Array,
-    hues: Array,
-    window: int,
-    spacing: int,
-    blend: int,
-    end_margin: float,
-    min_cosine: float,
-    min_contrast: float,
-    max_mismatch: float,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-) -> tuple[IntArray, Array]:
-    """Borders near the projected edges of a solid at a pose.
-
-    Images are lists of pixels, shape (height * width, 3 or 4).
-
-    Returns:
-        The slot of each border, shape (n,), and for each, shape (n, 3): the row's or column's
-        coordinate, the border's position on it [px], and how blended it is.
-    """
-    num_edges = len(edge_faces)
-    cu, cv = 0.5 * (width - 1), 0.5 * (height - 1)
-    R = rotation(pose[3:])
-    capacity = 2 * num_edges * (max(width, height) // spacing + 1)
-    slots = np.empty(capacity, dtype=np.int64)
-    borders = np.empty((capacity, 3))
-    count = 0
-    cosines = np.empty(len(normals))
-    for camera in range(2):
-        pixels = pixels_right if camera == 0 else pixels_left
-        x, y, z = pose[0] + camera * baseline, pose[1], pose[2]
-        # The camera's center in the target's frame tells which faces look at it.
-        ox = -(R[0, 0] * x + R[1, 0] * y + R[2, 0] * z)
-        oy = -(R[0, 1] * x + R[1, 1] * y + R[2, 1] * z)
-        oz = -(R[0, 2] * x + R[1, 2] * y + R[2, 2] * z)
-        for k in range(len(normals)):
-            dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
-            cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
+    pose: Array, lines: Lines, scene: Scene, rules: BorderRules, stage: Stage
+) -> tuple[Borders, int]:
+    """Borders near the projected edges of a solid at a pose, and how many were sought."""
+    solid = scene.solid
+    num_edges, num_faces = len(solid.edges), len(solid.normals)
+    total, most = 0, 0
+    for view in scene.views:
+        rows = max(view.eye.width, view.eye.height) // stage.spacing + 1
+        total, most = total + rows, max(most, rows)
+    borders = np.zeros(num_edges * total, dtype=BORDER)
+    along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    count, sought, slot = 0, 0, -1
+    R_CM, placed = rotation(pose[3:]), new_placed()
+    cosines = np.empty(num_faces)
+    for view in scene.views:
+        pixels, eye = view.pixels, view.eye
+        place(R_CM, pose[:3], eye, placed)
+        for k in range(num_faces):
+            dx, dy, dz = placed.p_MK[0], placed.p_MK[1], placed.p_MK[2]
+            dx, dy, dz = (
+                dx - solid.centers[k, 0],
+                dy - solid.centers[k, 1],
+                dz - solid.centers[k, 2],
+            )
+            cosine = (
+                solid.normals[k, 0] * dx + solid.normals[k, 1] * dy + solid.normals[k, 2] * dz
+            )
             cosines[k] = cosine / math.sqrt(dx * dx + dy * dy + dz * dz)
         for e in range(num_edges):
-            slot = camera * num_edges + e
-            inside, other = edge_faces[e, 0], edge_faces[e, 1]
+            slot += 1
+            line = lines[slot]
+            inside, other = solid.edge_faces[e, 0], solid.edge_faces[e, 1]
             if cosines[inside] < cosines[other]:  # the face that is seen better
                 inside, other = other, inside
-            if not cosines[inside] > min_cosine or math.isnan(lines[slot, L0]):
+            if not (cosines[inside] > rules.min_cosine and line.seen):
                 continue
-            if 0.0 < cosines[other] <= min_cosine:
+            if 0.0 < cosines[other] <= rules.min_cosine:
                 continue  # The neighbor is a sliver, too narrow for its color to be told.
-            around = abs(hues[inside] - hues[other])
-            alike = min(around, 6.0 - around) <= 2.0 * hue_tolerance
-            if alike and cosines[other] > -min_cosine:
-                continue  # The neighbor shows the same hue, or might.
-            outer_hue = hues[other : other + 1] if cosines[other] > 0.0 else hues[:0]
-            rows = lines[slot, ROWS] > 0.0
-            # The side of the line on which the face's center appears
-            p, q, r = centers[inside]
-            side = (
-                lines[slot, L0] * (R[0, 0] * p + R[0, 1] * q + R[0, 2] * r + x)
-                + lines[slot, L1] * (R[1, 0] * p + R[1, 1] * q + R[1, 2] * r + y)
-                + lines[slot, L2] * (R[2, 0] * p + R[2, 1] * q + R[2, 2] * r + z) / focal_length
-            ) * (lines[slot, L0] if rows else lines[slot, L1])
-            outward = -1 if side > 0.0 else 1
-            along, across = (cv, cu) if rows else (cu, cv)
-            low = min(lines[slot, FIRST], lines[slot, LAST]) + along + end_margin
-            high = max(lines[slot, FIRST], lines[slot, LAST]) + along - end_margin
-            length, most = (width, height) if rows else (height, width)
-            first, last = math.ceil(max(low, 0.0)), math.floor(min(high, most - 1.0))
-            for n in range(int(first), int(last) + 1, spacing):
-                expected = crossing(lines, slot, n - along) + across
-                position, blended = _find_border(
-                    pixels, n * width if rows else n, 1 if rows else width, length,
-                    expected, outward, window, blend, hues[inside : inside + 1], outer_hue,
-                    min_contrast, max_mismatch, hue_tolerance, min_saturation, min_value,
-                )  # fmt: skip
-                if abs(position - expected) <= window:
-                    slots[count] = slot
-                    borders[count] = n - along, position - across, blended
+            if solid.alike[inside, other] and cosines[other] > -rules.min_cosine:
+                continue  # The neighbor shows the same color, or might.
+            outside = solid.colors[other] if cosines[other] > 0.0 else np.uint32(0)
+            sides = Sides(solid.colors[inside], outside)
+            outward = _outward(eye, line, placed.R, placed.p, solid.centers[inside])
+            low = min(line.first, line.last) + rules.end_margin
+            high = max(line.first, line.last) - rules.end_margin
+            length, num_rows = eye.width, eye.height
+            if not line.rows:
+                length, num_rows = num_rows, length
+            start, stop = math.ceil(max(low, 0.0)), math.floor(min(high, num_rows - 1.0))
+            rows = 0
+            for n in range(int(start), int(stop) + 1, stage.spacing):
+                along[rows] = n
+                rows += 1
+            cross(eye, line, along[:rows], across[:rows], x[:rows], y[:rows])
+            stride = 1 if line.rows else eye.width
+            for r in range(rows):
+                expected, n = across[r], int(along[r])
+                if not -0.5 <= expected < length - 0.5:
+                    continue
+                sought += 1
+                origin = n * eye.width if line.rows else n
+                scan = Scan(origin, stride, length, expected, outward, stage.window)
+                position, blended = _find_border(pixels, scan, sides, scene.gate, rules)
+                if abs(position - expected) <= stage.window:
+                    border = borders[count]
+                    border.slot, border.along, border.across = slot, along[r], position
+                    border.blended = blended
                     count += 1
-    return slots[:count], borders[:count]
+    return borders[:count], sought
 
 
 @njit(cache=True, error_model="numpy")
-def find_jumps(
-    slots: IntArray, borders: Array, lines: Array, width: int, height: int
-) -> tuple[IntArray, Array]:
+def _outward(eye: Eye, line: Lines, R_KM: Array, p_KM: Array, center: Array) -> int:
+    """The direction (1 or -1) on a row or column that leads out of a face across its edge."""
+    x = R_KM[0, 0] * center[0] + R_KM[0, 1] * center[1] + R_KM[0, 2] * center[2] + p_KM[0]
+    y = R_KM[1, 0] * center[0] + R_KM[1, 1] * center[1] + R_KM[1, 2] * center[2] + p_KM[1]
+    z = R_KM[2, 0] * center[0] + R_KM[2, 1] * center[1] + R_KM[2, 2] * center[2] + p_KM[2]
+    # From the edge's middle a little way to the face's center, as the image shows it
+    mx, my = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
+    u0, v0 = pixel(eye.lens, mx, my)
+    u1, v1 = pixel(eye.lens, mx + 1e-3 * (x / z - mx), my + 1e-3 * (y / z - my))
+    # Seen from the line, not from one point of it: along it the row changes, too.
+    u2, v2 = pixel(eye.lens, mx + 1e-3 * (line.x1 - mx), my + 1e-3 * (line.y1 - my))
+    area = (u2 - u0) * (v1 - v0) - (v2 - v0) * (u1 - u0)
+    toward = -area * (v2 - v0) if line.rows else area * (u2 - u0)
+    return -1 if toward > 0.0 else 1
+
+
+@njit(cache=True, error_model="numpy")
+def find_jumps(borders: Borders, lines: Lines) -> Borders:
     """Where a border, rounded to whole pixels, jumps to the next pixel.
 
     Between the last row before the jump and the first after it the edge passes through the center
@@ -222,38 +261,34 @@ def find_jumps(
     A jump counts only between two stretches of at least three rows each that stay at their pixel;
     rows in between may waver, as noise makes them. (Anti-aliasing as a filter after the drawing,
     VTK's FXAA, bends a border's last one or two pixels at the corners; those are no jumps.)
-
-    Returns:
-        The slot of each jump, shape (n,), and for each, shape (n, 3): its coordinates along and
-        across [px] and within how many rows it lies, 1 where no row wavers.
     """
-    n = len(slots)
+    n = len(borders)
+    jumps = np.zeros(n, dtype=BORDER)
     rounded = np.empty(n)
     for k in range(n):
-        to_pixel = 0.5 * (width - 1) if lines[slots[k], ROWS] > 0.0 else 0.5 * (height - 1)
-        rounded[k] = math.floor(borders[k, 1] + to_pixel) + 0.5 - to_pixel
-    jump_slots = np.empty(n, dtype=np.int64)
-    jumps = np.empty((n, 3))
+        rounded[k] = math.floor(borders[k].across) + 0.5
     count, last = 0, -1  # ``last``: the last row in the middle of three at one pixel
     for k in range(1, n - 1):
-        if slots[k - 1] != slots[k + 1] or borders[k + 1, 0] - borders[k - 1, 0] != 2.0:
+        before, here, after = borders[k - 1], borders[k], borders[k + 1]
+        if before.slot != after.slot or after.along - before.along != 2.0:
             continue
         if rounded[k - 1] != rounded[k] or rounded[k + 1] != rounded[k]:
             continue
-        whole = last >= 0 and slots[last] == slots[k]
-        whole = whole and borders[k, 0] - borders[last, 0] == k - last  # no row is missing
+        whole = last >= 0 and borders[last].slot == here.slot
+        whole = whole and here.along - borders[last].along == k - last  # no row is missing
         if whole and abs(rounded[k] - rounded[last]) == 1.0:
-            before = 0
+            stayed = 0
             for i in range(last + 1, k):
                 if rounded[i] == rounded[last]:
-                    before += 1
+                    stayed += 1
                 elif rounded[i] != rounded[k]:
                     whole = False
             if whole:
-                jump_slots[count] = slots[k]
-                jumps[count, 0] = borders[last, 0] + before + 0.5
-                jumps[count, 1] = 0.5 * (rounded[k] + rounded[last])
-                jumps[count, 2] = k - last - 2.0
+                jump = jumps[count]
+                jump.slot = here.slot
+                jump.along = borders[last].along + stayed + 0.5
+                jump.across = 0.5 * (rounded[k] + rounded[last])
+                jump.within = k - last - 2.0
                 count += 1
         last = k
-    return jump_slots[:count], jumps[:count]
+    return jumps[:count]

@@ -1,13 +1,12 @@
 """Compiled genes and breeding (numba). Import only where it runs: numba takes time to load.
 
-`GeneticAlgorithm` says what a generation is; here is how it is computed, child by child. Arguments
-are the attributes of the same names of `GeneCoding`, `GeneticParameters` and `LocalMoves`; ``top``
-is the greatest value of a gene.
+`GeneticAlgorithm` says what a generation is; here is how it is computed, child by child.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,9 +16,51 @@ Array = NDArray[np.float64]
 Genes = NDArray[np.int64]
 
 
+class Coding(NamedTuple):
+    """The genes, see `GeneCoding`; ``top`` is the greatest value of one."""
+
+    lower: Array
+    upper: Array
+    bits: int
+    top: int
+    gray: bool
+
+
+class Moves(NamedTuple):
+    """Small motions, see `LocalMoves`; ``rotation`` in rad."""
+
+    pivots: Array
+    middle: Array
+    depth: float
+    shift: float
+    rotation: float
+    decades: float
+    sparsity: float
+
+
+class Parents(NamedTuple):
+    """A scored population, and a better center of shape (1, 6), or (0, 6) where there is none."""
+
+    poses: Array
+    fitness: Array
+    center: Array
+
+
+class Shares(NamedTuple):
+    """What the next generation is made of, see `GeneticParameters`."""
+
+    average_best: bool
+    num_survivors: int
+    num_local: int
+    num_newcomers: int
+    num_crossed: int
+    mutation_probability: float
+
+
 @njit(cache=True, error_model="numpy")
-def encode(poses: Array, lower: Array, upper: Array, top: int, gray: bool) -> Genes:
+def encode(poses: Array, coding: Coding) -> Genes:
     """Genes of pose vectors, as whole numbers, shape (N, 6)."""
+    lower, upper, top, gray = coding.lower, coding.upper, coding.top, coding.gray
     genes = np.empty((len(poses), 6), dtype=np.int64)
     for n in range(len(poses)):
         for i in range(6):
@@ -30,8 +71,9 @@ def encode(poses: Array, lower: Array, upper: Array, top: int, gray: bool) -> Ge
 
 
 @njit(cache=True, error_model="numpy")
-def decode(genes: Genes, lower: Array, upper: Array, top: int, gray: bool) -> Array:
+def decode(genes: Genes, coding: Coding) -> Array:
     """Pose vectors of genes, shape (N, 6)."""
+    lower, upper, top, gray = coding.lower, coding.upper, coding.top, coding.gray
     poses = np.empty((len(genes), 6))
     for n in range(len(genes)):
         for i in range(6):
@@ -93,37 +135,26 @@ def _rotate(eta: float, e: Array, v: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def draw_local_moves(
-    pose: Array,
-    count: int,
-    pivots: Array,
-    p_CS: Array,
-    depth: float,
-    shift: float,
-    rotation: float,
-    decades: float,
-    sparsity: float,
-    rng: np.random.Generator,
-) -> Array:
-    """Poses around one, see `LocalMoves`; ``rotation`` in rad."""
+def draw_local_moves(pose: Array, count: int, moves: Moves, rng: np.random.Generator) -> Array:
+    """Poses around one, see `LocalMoves`."""
     poses = np.empty((count, 6))
     step = np.empty(7)
     r, eps = pose[:3], pose[3:]
     eta = math.sqrt(max(0.0, 1.0 - _dot(eps, eps)))
-    sight = r - p_CS
+    sight = r - moves.middle
     sight = sight / math.sqrt(_dot(sight, sight))
     for n in range(count):
-        size = 10.0 ** (-decades * rng.random())
+        size = 10.0 ** (-moves.decades * rng.random())
         for i in range(7):
             number = size * rng.standard_normal()
-            step[i] = number if rng.random() >= sparsity else 0.0
+            step[i] = number if rng.random() >= moves.sparsity else 0.0
         # A rotation vector's half is the quaternion's vector part, to first order.
-        turn = 0.5 * rotation * step[:3]
+        turn = 0.5 * moves.rotation * step[:3]
         turn = turn / max(1.0, math.sqrt(_dot(turn, turn)))
         turn_eta = math.sqrt(max(0.0, 1.0 - _dot(turn, turn)))
-        arm = _rotate(eta, eps, pivots[rng.integers(0, len(pivots))])
+        arm = _rotate(eta, eps, moves.pivots[rng.integers(0, len(moves.pivots))])
         turned = r + arm - _rotate(turn_eta, turn, arm)
-        poses[n, :3] = turned + depth * step[3] * sight + shift * step[4:]
+        poses[n, :3] = turned + moves.depth * step[3] * sight + moves.shift * step[4:]
         # Product of the two quaternions, with the sign that makes the scalar part positive
         scalar = turn_eta * eta - _dot(turn, eps)
         vector = turn_eta * eps + eta * turn + np.cross(turn, eps)
@@ -133,36 +164,13 @@ def draw_local_moves(
 
 @njit(cache=True)
 def breed(
-    poses: Array,
-    fitness: Array,
-    given_center: Array,
-    average_best: bool,
-    num_survivors: int,
-    num_local: int,
-    num_newcomers: int,
-    num_crossed: int,
-    mutation_probability: float,
-    bits: int,
-    lower: Array,
-    upper: Array,
-    top: int,
-    gray: bool,
-    pivots: Array,
-    p_CS: Array,
-    depth: float,
-    shift: float,
-    rotation: float,
-    decades: float,
-    sparsity: float,
-    rng: np.random.Generator,
+    parents: Parents, shares: Shares, coding: Coding, moves: Moves, rng: np.random.Generator
 ) -> Array:
-    """The next generation, Eq. (27), see `GeneticAlgorithm.breed`.
-
-    ``given_center`` has shape (1, 6), or (0, 6) where there is none.
-    """
+    """The next generation, Eq. (27), see `GeneticAlgorithm.breed`."""
+    poses, fitness, given_center = parents
     order = np.argsort(-fitness, kind="mergesort")  # stable
     center = poses[order[:1]]
-    if average_best:
+    if shares.average_best:
         equals = 0
         center[:] = 0.0
         for n in range(len(poses)):
@@ -172,22 +180,22 @@ def breed(
         center /= equals
     if len(given_center) > 0:
         center = given_center
-    survivors = encode(poses[order[:num_survivors]], lower, upper, top, gray)
-    local = draw_local_moves(
-        center[0], num_local, pivots, p_CS, depth, shift, rotation, decades, sparsity, rng
-    )
+    survivors = encode(poses[order[: shares.num_survivors]], coding)
+    local = draw_local_moves(center[0], shares.num_local, moves, rng)
     genes = np.empty((len(poses), 6), dtype=np.int64)
     start = 0
     for part in (
-        encode(center[: int(average_best)], lower, upper, top, gray),
-        encode(local, lower, upper, top, gray),
-        draw_genes(num_newcomers, top, rng),
-        cross_and_mutate(survivors, num_crossed, bits, mutation_probability, rng),
+        encode(center[: int(shares.average_best)], coding),
+        encode(local, coding),
+        draw_genes(shares.num_newcomers, coding.top, rng),
+        cross_and_mutate(
+            survivors, shares.num_crossed, coding.bits, shares.mutation_probability, rng
+        ),
         survivors,
     ):
         genes[start : start + len(part)] = part
         start += len(part)
-    next_poses: Array = decode(genes, lower, upper, top, gray)
+    next_poses: Array = decode(genes, coding)
     if len(given_center) > 0:
         next_poses[0] = given_center[0]  # not rounded to genes
     return next_poses

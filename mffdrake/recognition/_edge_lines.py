@@ -1,7 +1,7 @@
 """Compiled geometry of a solid's projected edges (numba). Import only where it runs.
 
-A *slot* is an edge seen by a camera: slot e is edge e in the right image, slot E + e the same edge
-in the left image. Image coordinates (u, v) are relative to the principal point [px].
+A *slot* is an edge seen by a camera: slot ``k * E + e`` is edge e in the view of camera k. On the
+plane of normalized coordinates an edge is a straight line; in the image the lens bends it.
 """
 
 from __future__ import annotations
@@ -12,19 +12,55 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._lens import (
+    NO_DISTORTION,
+    Eye,
+    Lens,
+    View,
+    in_view,
+    pixel,
+    pixel_jacobian,
+    turned_back,
+)
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Lines = NDArray[np.void]
 
-L0, L1, L2, ROWS, FIRST, LAST, FIRST_DEPTH, LAST_DEPTH, SLOPE = range(9)
-"""Columns of the array of lines, see `edge_lines`."""
+LINE = np.dtype(
+    [
+        ("seen", np.bool_),  # whether both ends are before the camera
+        ("l0", np.float64),  # l0 x + l1 y + l2 = 0 in normalized coordinates
+        ("l1", np.float64),
+        ("l2", np.float64),
+        ("x0", np.float64),  # the ends
+        ("y0", np.float64),
+        ("x1", np.float64),
+        ("y1", np.float64),
+        ("first_depth", np.float64),  # their depths [m]
+        ("last_depth", np.float64),
+        ("rows", np.bool_),  # whether it is nearer to the vertical: then rows cross it, ...
+        ("first", np.float64),  # ... from this row to that one [px]; else columns do
+        ("last", np.float64),
+        ("slope", np.float64),  # how far it moves from a row (column) to the next, at most 1 aside
+    ]
+)
+"""The line of a slot."""
 
 
 @njit(cache=True, error_model="numpy")
 def rotation(eps: Array) -> Array:
     """Rotation matrix of a quaternion's vector part, shape (3, 3)."""
-    e1, e2, e3 = eps
-    eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
     R = np.empty((3, 3))
+    set_rotation(eps, R)
+    return R
+
+
+@njit(cache=True, error_model="numpy")
+def set_rotation(eps: Array, R: Array) -> None:
+    """Writes the rotation matrix of a quaternion's vector part to ``R``."""
+    e1, e2, e3 = eps[0], eps[1], eps[2]
+    eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
     R[0, 0], R[1, 1], R[2, 2] = (
         1 - 2 * (e2 * e2 + e3 * e3),
         1 - 2 * (e1 * e1 + e3 * e3),
@@ -33,12 +69,11 @@ def rotation(eps: Array) -> Array:
     R[0, 1], R[1, 0] = 2 * (e1 * e2 - eta * e3), 2 * (e1 * e2 + eta * e3)
     R[0, 2], R[2, 0] = 2 * (e1 * e3 + eta * e2), 2 * (e1 * e3 - eta * e2)
     R[1, 2], R[2, 1] = 2 * (e2 * e3 - eta * e1), 2 * (e2 * e3 + eta * e1)
-    return R
 
 
 @njit(cache=True, error_model="numpy")
 def move(pose: Array, step: Array) -> Array:
-    """A pose moved by a translation and a rotation vector, both in the camera's frame, shape (6,).
+    """A pose moved by a translation and a rotation vector, both in the rig's frame, shape (6,).
 
     The target turns about its own origin: R becomes exp(S(step[3:])) R.
     """
@@ -62,87 +97,157 @@ def move(pose: Array, step: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def edge_lines(
-    pose: Array, vertices: Array, edges: IntArray, focal_length: float, baseline: float
-) -> Array:
-    """The image lines of all slots, shape (2 E, 9); a line is NaN where it is behind the camera.
-
-    Columns: ``L0 u + L1 v + L2 = 0`` is the line. Where ``ROWS`` is 1 it is nearer to the vertical,
-    and rows cross it, from v = ``FIRST`` to ``LAST``; else columns do. The depths [m] are those of
-    the ends. ``SLOPE`` is how far the line moves from a row (column) to the next, at most 1.
-    """
-    lines = np.full((2 * len(edges), 9), np.nan)
-    move_lines(lines, pose, vertices, edges, focal_length, baseline, True)
+    pose: Array, vertices: Array, edges: IntArray, views: tuple[View, ...]
+) -> Lines:
+    """The lines of all slots, shape (number of views * E,)."""
+    lines = np.zeros(len(views) * len(edges), dtype=LINE)
+    R_CM = rotation(pose[3:])
+    slot = 0
+    for view in views:
+        for e in range(len(edges)):
+            line = lines[slot]
+            slot += 1
+            _place_line(line, R_CM, pose, view.eye, vertices[edges[e, 0]], vertices[edges[e, 1]])
+            if line.seen:
+                u0, v0 = pixel(view.eye.lens, line.x0, line.y0)
+                u1, v1 = pixel(view.eye.lens, line.x1, line.y1)
+                line.rows = abs(v1 - v0) >= abs(u1 - u0)
+                _measure_line(view.eye, line, True)
     return lines
 
 
 @njit(cache=True, error_model="numpy")
 def move_lines(
-    lines: Array,
+    lines: Lines,
     pose: Array,
     vertices: Array,
     edges: IntArray,
-    focal_length: float,
-    baseline: float,
+    views: tuple[View, ...],
     with_slopes: bool,
-) -> None:
-    """Brings lines to another pose; each is crossed by rows or by columns as it was."""
-    R, f = rotation(pose[3:]), focal_length
-    num_edges = len(edges)
-    ends = np.empty((2, 3))
-    for slot in range(2 * num_edges):
-        for k in range(2):
-            a, b, c = vertices[edges[slot % num_edges, k]]
-            for i in range(3):
-                ends[k, i] = R[i, 0] * a + R[i, 1] * b + R[i, 2] * c + pose[i]
-            if slot >= num_edges:
-                ends[k, 0] += baseline  # Eq. (16)
-        az, bz = ends[0, 2] / f, ends[1, 2] / f
-        if min(az, bz) <= 0.0:
-            lines[slot] = np.nan
-            continue
-        l0 = ends[0, 1] * bz - az * ends[1, 1]
-        l1 = az * ends[1, 0] - ends[0, 0] * bz
-        if math.isnan(lines[slot, ROWS]):
-            lines[slot, ROWS] = 1.0 if abs(l0) >= abs(l1) else 0.0
-        rows = lines[slot, ROWS] > 0.0
-        i = 1 if rows else 0
-        lines[slot, L0], lines[slot, L1] = l0, l1
-        lines[slot, L2] = ends[0, 0] * ends[1, 1] - ends[0, 1] * ends[1, 0]
-        lines[slot, FIRST], lines[slot, LAST] = ends[0, i] / az, ends[1, i] / bz
-        lines[slot, FIRST_DEPTH], lines[slot, LAST_DEPTH] = ends[0, 2], ends[1, 2]
-        if with_slopes:
-            lines[slot, SLOPE] = abs(l1 / l0) if rows else abs(l0 / l1)
+) -> bool:
+    """Brings lines to another pose; each is crossed by rows or by columns as it was.
 
-
-@njit(cache=True, error_model="numpy")
-def crossing(lines: Array, slot: int, at: float) -> float:
-    """Where the row (or column) at a coordinate crosses a line: the other coordinate [px]."""
-    l0, l1, l2 = lines[slot, L0], lines[slot, L1], lines[slot, L2]
-    other: float = -(l1 * at + l2) / l0 if lines[slot, ROWS] > 0.0 else -(l0 * at + l2) / l1
-    return other
-
-
-@njit(cache=True, error_model="numpy")
-def crossing_jacobian(
-    lines: Array, slot: int, at: float, pose: Array, focal_length: float, shift: float, J: Array
-) -> None:
-    """Derivative of `crossing` with respect to a `move` of the pose, written to ``J``, shape (6,).
-
-    A point X of the target moves by dX = dt + dtheta x (X - t). Let n be the normal of the plane
-    through the edge and the camera's center. The border moves across itself by n . dX, so that the
-    crossing with a row moves by ``f n . dX / (depth * L0)``, that with a column likewise with L1.
-    ``shift`` is the camera's distance [m] to the left of the right camera.
+    Returns whether all that were seen still are.
     """
-    f, l0, l1 = focal_length, lines[slot, L0], lines[slot, L1]
-    other = crossing(lines, slot, at)
-    u, v = (other, at) if lines[slot, ROWS] > 0.0 else (at, other)
-    # Along a straight edge the inverse depth is linear in the image.
-    share = (at - lines[slot, FIRST]) / (lines[slot, LAST] - lines[slot, FIRST])
-    depth = 1.0 / ((1.0 - share) / lines[slot, FIRST_DEPTH] + share / lines[slot, LAST_DEPTH])
-    n0, n1, n2 = l0, l1, lines[slot, L2] / f
-    q0, q1, q2 = u * depth / f - pose[0] - shift, v * depth / f - pose[1], depth - pose[2]
-    scale = f / (depth * (l0 if lines[slot, ROWS] > 0.0 else l1))
-    J[0], J[1], J[2] = n0 * scale, n1 * scale, n2 * scale
-    J[3] = (q1 * n2 - q2 * n1) * scale
-    J[4] = (q2 * n0 - q0 * n2) * scale
-    J[5] = (q0 * n1 - q1 * n0) * scale
+    R_CM = rotation(pose[3:])
+    slot, whole = 0, True
+    for view in views:
+        for e in range(len(edges)):
+            line = lines[slot]
+            slot += 1
+            if not line.seen:
+                continue
+            _place_line(line, R_CM, pose, view.eye, vertices[edges[e, 0]], vertices[edges[e, 1]])
+            if line.seen:
+                _measure_line(view.eye, line, with_slopes)
+            else:
+                whole = False
+    return whole
+
+
+@njit(cache=True, error_model="numpy")
+def _place_line(
+    line: Lines, R_CM: Array, pose: Array, eye: Eye, first: Array, last: Array
+) -> None:
+    """Fills in a line's ends and whether they are seen."""
+    ax, ay, az = _in_view(R_CM, pose, eye, first)
+    bx, by, bz = _in_view(R_CM, pose, eye, last)
+    x0, y0, x1, y1 = ax / az, ay / az, bx / bz, by / bz
+    farthest = max(x0 * x0 + y0 * y0, x1 * x1 + y1 * y1)
+    line.seen = min(az, bz) > 0.0 and farthest <= eye.lens.max_radius_squared
+    line.l0, line.l1, line.l2 = y0 - y1, x1 - x0, x0 * y1 - y0 * x1
+    line.x0, line.y0, line.x1, line.y1 = x0, y0, x1, y1
+    line.first_depth, line.last_depth = az, bz
+
+
+@njit(cache=True, error_model="numpy")
+def _measure_line(eye: Eye, line: Lines, with_slope: bool) -> None:
+    """Fills in which rows (columns) a line crosses."""
+    u0, v0 = pixel(eye.lens, line.x0, line.y0)
+    u1, v1 = pixel(eye.lens, line.x1, line.y1)
+    line.first, line.last = (v0, v1) if line.rows else (u0, u1)
+    if with_slope:
+        x, y = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
+        ux, uy, vx, vy = pixel_jacobian(eye.lens, x, y)
+        du, dv = uy * line.l0 - ux * line.l1, vy * line.l0 - vx * line.l1
+        line.slope = du / dv if line.rows else dv / du
+
+
+@njit(cache=True, error_model="numpy")
+def _in_view(R_CM: Array, pose: Array, eye: Eye, p_M: Array) -> tuple[float, float, float]:
+    """A point of the target in a camera's frame, Eq. (13), (16)."""
+    x = R_CM[0, 0] * p_M[0] + R_CM[0, 1] * p_M[1] + R_CM[0, 2] * p_M[2] + pose[0]
+    y = R_CM[1, 0] * p_M[0] + R_CM[1, 1] * p_M[1] + R_CM[1, 2] * p_M[2] + pose[1]
+    z = R_CM[2, 0] * p_M[0] + R_CM[2, 1] * p_M[1] + R_CM[2, 2] * p_M[2] + pose[2]
+    return in_view(eye, x, y, z)
+
+
+@njit(cache=True, error_model="numpy")
+def cross(eye: Eye, line: Lines, along: Array, across: Array, x: Array, y: Array) -> None:
+    """Where rows (or columns) at pixel coordinates ``along`` cross a line, shape (n,).
+
+    Fills in the other pixel coordinates, and the normalized coordinates of the places.
+    """
+    lens = eye.lens
+    l0, l1, l2 = line.l0, line.l1, line.l2
+    if lens.model != NO_DISTORTION:
+        for k in range(len(along)):
+            across[k], x[k], y[k] = _cross_bent(lens, line, along[k])
+    elif line.rows:
+        for k in range(len(along)):
+            y[k] = (along[k] - lens.cy) / lens.fy
+            x[k] = -(l1 * y[k] + l2) / l0
+            across[k] = lens.fx * x[k] + lens.cx
+    else:
+        for k in range(len(along)):
+            x[k] = (along[k] - lens.cx) / lens.fx
+            y[k] = -(l0 * x[k] + l2) / l1
+            across[k] = lens.fy * y[k] + lens.cy
+
+
+@njit(cache=True, error_model="numpy")
+def _cross_bent(lens: Lens, line: Lines, at: float) -> tuple[float, float, float]:
+    """`cross` with a line that the lens bends, by Newton's steps along it."""
+    dx, dy = line.x1 - line.x0, line.y1 - line.y0
+    share = (at - line.first) / (line.last - line.first)
+    u, v, x, y = 0.0, 0.0, 0.0, 0.0
+    for _ in range(8):
+        x, y = line.x0 + share * dx, line.y0 + share * dy
+        u, v = pixel(lens, x, y)
+        missing = at - (v if line.rows else u)
+        if abs(missing) < 1e-9:
+            break
+        ux, uy, vx, vy = pixel_jacobian(lens, x, y)
+        share += missing / (vx * dx + vy * dy if line.rows else ux * dx + uy * dy)
+    return (u if line.rows else v), x, y
+
+
+@njit(cache=True, error_model="numpy")
+def cross_jacobians(eye: Eye, line: Lines, x: Array, y: Array, pose: Array, J: Array) -> None:
+    """Derivatives of what `cross` finds with respect to a `move` of the pose, to ``J``, (n, 6).
+
+    A point X of the target moves by dX = dt + dtheta x (X - t), in the rig's frame. Let n be the
+    normal (l0, l1, l2) of the plane through the edge and the camera's center. The line moves across
+    itself by ``g = n . dX / depth`` in normalized coordinates; with D the derivative of the lens,
+    its crossing with a row moves by ``g det D / (l0 D_vy - l1 D_vx)``, that with a column by
+    ``g det D / (l1 D_ux - l0 D_uy)``.
+    """
+    lens, p, rows = eye.lens, eye.p_KC, line.rows
+    l0, l1, x0, y0 = line.l0, line.l1, line.x0, line.y0
+    dx, dy = line.x1 - x0, line.y1 - y0
+    # Along a straight edge the inverse depth is linear in normalized coordinates.
+    closeness, more = 1.0 / line.first_depth, 1.0 / line.last_depth - 1.0 / line.first_depth
+    n0, n1, n2 = turned_back(eye, l0, l1, line.l2)
+    t0, t1, t2 = pose[0], pose[1], pose[2]
+    for k in range(len(x)):
+        ux, uy, vx, vy = pixel_jacobian(lens, x[k], y[k])
+        share = (y[k] - y0) / dy if abs(dy) > abs(dx) else (x[k] - x0) / dx
+        depth = 1.0 / (closeness + share * more)
+        across = l0 * vy - l1 * vx if rows else l1 * ux - l0 * uy
+        scale = (ux * vy - uy * vx) / (across * depth)
+        q0, q1, q2 = turned_back(eye, x[k] * depth - p[0], y[k] * depth - p[1], depth - p[2])
+        q0, q1, q2 = q0 - t0, q1 - t1, q2 - t2
+        J[k, 0], J[k, 1], J[k, 2] = n0 * scale, n1 * scale, n2 * scale
+        J[k, 3] = (q1 * n2 - q2 * n1) * scale
+        J[k, 4] = (q2 * n0 - q0 * n2) * scale
+        J[k, 5] = (q0 * n1 - q1 * n0) * scale

@@ -3,255 +3,376 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._edge_lines import rotation
+from mffdrake.recognition._lens import (
+    NO_DISTORTION,
+    Eye,
+    Image,
+    View,
+    distort,
+    in_view,
+    magnification,
+)
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Image = NDArray[np.uint8]
-Pose: TypeAlias = tuple[float, ...]
-"""A rotation matrix, row by row, and a position: twelve numbers."""
+Bits = NDArray[np.uint32]
 
 
-@njit(cache=True, error_model="numpy")
-def _shows_hue(
-    red: np.uint8,
-    green: np.uint8,
-    blue: np.uint8,
-    hues: Array,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-) -> bool:
-    """Whether an 8-bit pixel has one of some hues: delta of Eq. (21), with a tolerance.
+class ColorGate(NamedTuple):
+    """Which colors of the model a pixel shows, see `ColorModel`.
 
-    Hues and their tolerance are in sixths of the color circle. Everything is multiplied by the
-    pixel's chroma, which spares the division.
+    Attributes:
+        places: What each value of each channel adds to the place in the table, shape (3, 256).
+        table: For each place one bit a color.
     """
-    high = float(max(red, green, blue))
-    chroma = high - float(min(red, green, blue))
-    if chroma <= 0.0 or chroma < min_saturation * high or high < 255.0 * min_value:
-        return False
-    r, g, b = float(red), float(green), float(blue)
-    if high == r:
-        hue = g - b
-    elif high == g:
-        hue = 2.0 * chroma + b - r
-    else:
-        hue = 4.0 * chroma + r - g
-    for wanted in hues:
-        difference = abs(hue - wanted * chroma)
-        # Around the circle
-        if min(difference, abs(6.0 * chroma - difference)) <= hue_tolerance * chroma:
-            return True
-    return False
+
+    places: Bits
+    table: Bits
+
+
+class Solid(NamedTuple):
+    """The solid, see `SolidModel`.
+
+    Attributes:
+        vertices: Corner points in the target's frame M [m], shape (V, 3).
+        edges: Corner indices of each edge, shape (E, 2).
+        edge_faces: The two faces that meet at each edge, shape (E, 2).
+        normals: Outward unit normals, shape (F, 3).
+        centers: Faces' centers [m], shape (F, 3).
+        middle: Mean of the corners [m], shape (3,).
+        colors: Bit of each face's color in a `ColorGate`, shape (F,).
+        alike: Whether two faces' colors overlap, shape (F, F).
+    """
+
+    vertices: Array
+    edges: IntArray
+    edge_faces: IntArray
+    normals: Array
+    centers: Array
+    middle: Array
+    colors: Bits
+    alike: NDArray[np.bool_]
+
+
+class Scene(NamedTuple):
+    """What there is to compare: images, a solid, and how its colors look.
+
+    Attributes:
+        views: One a camera.
+        solid: The solid.
+        gate: Its colors.
+    """
+
+    views: tuple[View, ...]
+    solid: Solid
+    gate: ColorGate
+
+
+class Samples(NamedTuple):
+    """Its points: the attributes of the same names of `SearchModel`, but for these.
+
+    Attributes:
+        inside_points: Transposed, shape (3, P).
+        inside_start: As in `SearchModel`.
+        inside_distances: As in `SearchModel`.
+        nearest: Each inside point's distance to the nearest side [m], shape (P,).
+        side_centers: As in `SearchModel`.
+        side_directions: As in `SearchModel`.
+        edge_points: Transposed, shape (3, Q).
+        edge_start: As in `SearchModel`.
+        edge_directions: As in `SearchModel`.
+        strip_offsets: As in `SearchModel`.
+    """
+
+    inside_points: Array
+    inside_start: IntArray
+    inside_distances: Array
+    nearest: Array
+    side_centers: Array
+    side_directions: Array
+    edge_points: Array
+    edge_start: IntArray
+    edge_directions: Array
+    strip_offsets: Array
+
+
+class Rules(NamedTuple):
+    """When a face and a point count: attributes of the same names of `MatchingParameters`."""
+
+    min_cosine: float
+    min_border_distance: float
+
+
+class Scratch(NamedTuple):
+    """Memory for points.
+
+    Attributes:
+        points: In the target's frame, shape (3, n).
+        colors: The bits of the colors that count at each, shape (n,).
+        pixels: The pixel that each falls on, or -1, shape (n,).
+    """
+
+    points: Array
+    colors: Bits
+    pixels: NDArray[np.int32]
+
+
+class Placed(NamedTuple):
+    """A solid at a pose before a camera K: X_KM, and the camera's position in the target's frame."""
+
+    R: Array
+    p: Array
+    p_MK: Array
 
 
 @njit(cache=True, error_model="numpy")
-def _count_matches(
-    a: Array,
-    b: Array,
-    c: Array,
-    pose: Pose,
-    pixels: Image,
-    width: int,
-    height: int,
-    focal_length: float,
-    hues: Array,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-    scratch: IntArray,
-) -> int:
-    """Number of points (a, b, c) in the target's frame that fall on a pixel of one of some hues."""
-    R00, R01, R02, R10, R11, R12, R20, R21, R22, x, y, z = pose
-    for j in range(len(a)):  # without branches, for the compiler to take several points at once
-        depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + z
-        scale = focal_length / depth
-        # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
-        u = math.floor((R00 * a[j] + R01 * b[j] + R02 * c[j] + x) * scale + 0.5 * width)
-        v = math.floor((R10 * a[j] + R11 * b[j] + R12 * c[j] + y) * scale + 0.5 * height)
-        seen = (depth > 0.0) & (u >= 0.0) & (u < width) & (v >= 0.0) & (v < height)
-        scratch[j] = int(v * width + u) if seen else -1
+def place(R_CM: Array, p_CM: Array, eye: Eye, placed: Placed) -> None:
+    """Fills in where a solid lies before a camera, Eq. (13), (16)."""
+    W, R, p = eye.R_KC, placed.R, placed.p
+    for j in range(3):
+        x, y, z = R_CM[0, j], R_CM[1, j], R_CM[2, j]
+        R[0, j] = W[0] * x + W[1] * y + W[2] * z
+        R[1, j] = W[3] * x + W[4] * y + W[5] * z
+        R[2, j] = W[6] * x + W[7] * y + W[8] * z
+    p[0], p[1], p[2] = in_view(eye, p_CM[0], p_CM[1], p_CM[2])
+    for j in range(3):
+        placed.p_MK[j] = -(R[0, j] * p[0] + R[1, j] * p[1] + R[2, j] * p[2])
+
+
+@njit(cache=True, error_model="numpy")
+def new_placed() -> Placed:
+    """Memory for a `Placed`."""
+    return Placed(np.empty((3, 3)), np.empty(3), np.empty(3))
+
+
+@njit(cache=True, error_model="numpy")
+def shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
+    """The colors of an 8-bit pixel, one bit each."""
+    places = gate.places
+    return gate.table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None:
+    """Finds the pixels that the first ``count`` points fall on."""
+    a, b, c, pixels = scratch.points[0], scratch.points[1], scratch.points[2], scratch.pixels
+    lens = eye.lens
+    R00, R01, R02 = placed.R[0]
+    R10, R11, R12 = placed.R[1]
+    R20, R21, R22 = placed.R[2]
+    tx, ty, tz = placed.p
+    right, below = float(eye.width), float(eye.height)
+    width, nowhere = np.int32(eye.width), np.int32(-1)
+    fx, fy, cu, cv = lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5
+    # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
+    if lens.model == NO_DISTORTION:
+        for j in range(count):  # without branches, for the compiler to take several at once
+            depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
+            closeness = 1.0 / depth
+            u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness * fx + cu
+            v = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness * fy + cv
+            seen = (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
+            pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
+        return
+    for j in range(count):
+        depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
+        closeness = 1.0 / depth
+        x = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness
+        y = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness
+        near = x * x + y * y <= lens.max_radius_squared
+        x, y = distort(lens, x, y)
+        u, v = x * fx + cu, y * fy + cv
+        seen = near & (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
+        pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
+
+
+@njit(cache=True, error_model="numpy")
+def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: ColorGate) -> int:
+    """Number of points that fall on a pixel of a color that counts: delta of Eq. (21)."""
+    pixels, colors, places, table = scratch.pixels, scratch.colors, gate.places, gate.table
     matches = 0
-    for j in range(len(a)):
-        if scratch[j] >= 0:
-            pixel = pixels[scratch[j]]
-            matches += _shows_hue(
-                pixel[0], pixel[1], pixel[2], hues, hue_tolerance, min_saturation, min_value
-            )
+    for j in range(start, stop):
+        if pixels[j] >= 0:
+            k = np.uint64(pixels[j])  # unsigned: without a check for an index from the end
+            shown = table[places[0, image[k, 0]] + places[1, image[k, 1]] + places[2, image[k, 2]]]
+            matches += (shown & colors[j]) != 0
     return matches
 
 
 @njit(cache=True, error_model="numpy")
-def fitness_of_poses(
-    poses: Array,
-    pixels_right: Image,
-    pixels_left: Image,
-    width: int,
-    height: int,
-    focal_length: float,
-    baseline: float,
-    inside_points: Array,
-    inside_start: IntArray,
-    inside_distances: Array,
-    nearest: Array,
-    side_centers: Array,
-    side_directions: Array,
-    normals: Array,
-    centers: Array,
-    face_hues: Array,
-    edge_points: Array,
-    edge_start: IntArray,
-    edge_directions: Array,
-    edge_faces: IntArray,
-    strip_offsets: Array,
-    body_center: Array,
-    model_hues: Array,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-    min_cosine: float,
-    min_border_distance: float,
-) -> Array:
-    """Fitness, Eq. (22), of many poses.
+def _place_inside(
+    visible: NDArray[np.bool_],
+    scale: float,
+    placed: Placed,
+    solid: Solid,
+    samples: Samples,
+    scratch: Scratch,
+) -> int:
+    """Writes the points of S_in, Eq. (19), moved off their face's sides; returns their number.
 
-    The arguments are the attributes of the same names of `StereoCamera`, `SearchModel`,
-    `SolidModel` and `MatchingParameters`, but for these: images are lists of pixels, shape
-    (height * width, 3 or 4); the points are transposed, shape (3, number), and ``nearest`` is each
-    one's distance to the nearest side; ``model_hues`` are the hues that occur, ``face_hues`` those
-    of the faces; hues are in sixths of the color circle.
+    A point must lie ``scale`` off in normalized coordinates, which is
+    `MatchingParameters.min_border_distance` in the image; where a face is seen obliquely, that is
+    more on the face.
     """
-    num_faces, num_edges = len(normals), len(edge_directions)
+    points, colors = scratch.points, scratch.colors
+    inside_points, inside_distances = samples.inside_points, samples.inside_distances
+    nearest, start = samples.nearest, samples.inside_start
+    side_centers, side_directions = samples.side_centers, samples.side_directions
+    normals, R, depth_0 = solid.normals, placed.R, placed.p[2]
+    ox, oy, oz = placed.p_MK
     most_sides = inside_distances.shape[1]
-    visible = np.empty(num_faces, dtype=np.bool_)
-    least = np.zeros(most_sides)
-    inward = np.zeros((most_sides, 3))
-    most_points = max(inside_points.shape[1], edge_points.shape[1] * len(strip_offsets))
-    moved = np.empty((3, most_points))
-    scratch = np.empty(most_points, dtype=np.int64)
-    fitness = np.zeros(len(poses))
-    for i in range(len(poses)):
-        x, y, z, e1, e2, e3 = poses[i]
-        eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
-        R00, R01, R02 = (
-            1 - 2 * (e2 * e2 + e3 * e3),
-            2 * (e1 * e2 - eta * e3),
-            2 * (e1 * e3 + eta * e2),
-        )
-        R10, R11, R12 = (
-            2 * (e1 * e2 + eta * e3),
-            1 - 2 * (e1 * e1 + e3 * e3),
-            2 * (e2 * e3 - eta * e1),
-        )
-        R20, R21, R22 = (
-            2 * (e1 * e3 - eta * e2),
-            2 * (e2 * e3 + eta * e1),
-            1 - 2 * (e1 * e1 + e2 * e2),
-        )
-        total = 0.0
-        for camera in range(2):
-            pixels = pixels_right if camera == 0 else pixels_left
-            # Eq. (16): the left camera sees everything shifted by the baseline.
-            rx = x if camera == 0 else x + baseline
-            pose = (R00, R01, R02, R10, R11, R12, R20, R21, R22, rx, y, z)
-            # The camera's center in the target's frame tells which faces look at it.
-            ox = -(R00 * rx + R10 * y + R20 * z)
-            oy = -(R01 * rx + R11 * y + R21 * z)
-            oz = -(R02 * rx + R12 * y + R22 * z)
-            count = 0  # Lambda of Eq. (21): the inside points of the visible faces
-            matches = 0
-            for k in range(num_faces):  # Eq. (19): those that are visible
-                dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
-                cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
-                visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
-                if not visible[k]:
-                    continue
-                # How far from each side [m] a point must lie to be min_border_distance [px] off
-                # in the image, where a face seen obliquely is foreshortened.
+    least, inward = np.empty(most_sides), np.empty((most_sides, 3))
+    kept = 0
+    for face in range(len(visible)):
+        if not visible[face]:
+            continue
+        fx, fy, fz = normals[face, 0], normals[face, 1], normals[face, 2]
+        for s in range(most_sides):
+            a, b, c = side_centers[face, s, 0], side_centers[face, s, 1], side_centers[face, s, 2]
+            sx, sy, sz = a - ox, b - oy, c - oz
+            dx, dy, dz = (
+                side_directions[face, s, 0],
+                side_directions[face, s, 1],
+                side_directions[face, s, 2],
+            )
+            nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+            # Inward from the side in the face's plane: normal x direction.
+            mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
+            inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
+            norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+            across = abs(mx * nx + my * ny + mz * nz)
+            depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+            least[s] = scale * depth * norm / across if across > 0.0 else 0.0
+        greatest = least.max()
+        color = solid.colors[face]
+        for j in range(start[face], start[face + 1]):
+            a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
+            if nearest[j] < greatest:
+                moved = 0.0
                 for s in range(most_sides):
-                    a, b, c = side_centers[k, s]
-                    sx, sy, sz = a - ox, b - oy, c - oz
-                    dx, dy, dz = side_directions[k, s]
-                    nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
-                    # Inward from the side in the face's plane: normal x direction.
-                    fx, fy, fz = normals[k]
-                    mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
-                    inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
-                    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-                    across = abs(mx * nx + my * ny + mz * nz)
-                    depth = R20 * a + R21 * b + R22 * c + z
-                    least[s] = 0.0
-                    if across > 0.0:
-                        least[s] = min_border_distance * depth * norm / (focal_length * across)
-                greatest = least.max()
-                kept = 0
-                for j in range(inside_start[k], inside_start[k + 1]):
-                    a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
-                    if nearest[j] < greatest:
-                        for s in range(most_sides):
-                            gap = max(0.0, least[s] - inside_distances[j, s])
-                            a += gap * inward[s, 0]
-                            b += gap * inward[s, 1]
-                            c += gap * inward[s, 2]
-                        clear = True  # Where the face is too narrow, it now is beyond another side.
-                        for s in range(most_sides):
-                            if inside_distances[j, s] < np.inf:
-                                distance = (
-                                    (a - side_centers[k, s, 0]) * inward[s, 0]
-                                    + (b - side_centers[k, s, 1]) * inward[s, 1]
-                                    + (c - side_centers[k, s, 2]) * inward[s, 2]
-                                )
-                                clear = clear and distance > (1.0 - 1e-9) * least[s]
-                        if not clear:
-                            continue
-                    moved[0, kept], moved[1, kept], moved[2, kept] = a, b, c
-                    kept += 1
-                count += kept
-                matches += _count_matches(
-                    moved[0, :kept], moved[1, :kept], moved[2, :kept], pose,
-                    pixels, width, height, focal_length,
-                    face_hues[k : k + 1], hue_tolerance, min_saturation, min_value, scratch,
-                )  # fmt: skip
-            # The strip S_out, Eq. (20): outside the edges between a visible and a hidden face.
-            kept = 0
-            for k in range(num_edges):
-                if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
+                    gap = max(0.0, least[s] - inside_distances[j, s])
+                    moved += gap
+                    a += gap * inward[s, 0]
+                    b += gap * inward[s, 1]
+                    c += gap * inward[s, 2]
+                clear = True  # Where the face is too narrow, it now is beyond another side.
+                if moved > 0.0:
+                    for s in range(most_sides):
+                        if inside_distances[j, s] < np.inf:
+                            distance = (
+                                (a - side_centers[face, s, 0]) * inward[s, 0]
+                                + (b - side_centers[face, s, 1]) * inward[s, 1]
+                                + (c - side_centers[face, s, 2]) * inward[s, 2]
+                            )
+                            clear = clear and distance > (1.0 - 1e-9) * least[s]
+                if not clear:
                     continue
-                # Perpendicular to the edge and to the line of sight (in M), away from the body.
-                first = edge_start[k]
-                a, b, c = edge_points[0, first], edge_points[1, first], edge_points[2, first]
-                sx, sy, sz = a - ox, b - oy, c - oz
-                dx, dy, dz = edge_directions[k]
-                nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
-                toward = (
-                    nx * (body_center[0] - a)
-                    + ny * (body_center[1] - b)
-                    + nz * (body_center[2] - c)
-                )
-                norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-                if toward > 0.0:
-                    norm = -norm
-                nx, ny, nz = nx / norm, ny / norm, nz / norm
-                depth = R20 * a + R21 * b + R22 * c + z
-                least_offset = min_border_distance * depth / focal_length
-                for strip_offset in strip_offsets:
-                    offset = max(strip_offset, least_offset)
-                    for j in range(edge_start[k], edge_start[k + 1]):
-                        moved[0, kept] = edge_points[0, j] + offset * nx
-                        moved[1, kept] = edge_points[1, j] + offset * ny
-                        moved[2, kept] = edge_points[2, j] + offset * nz
-                        kept += 1
-            # Any hue of the model, hidden faces' too, and once a point.
-            matches -= _count_matches(
-                moved[0, :kept], moved[1, :kept], moved[2, :kept], pose,
-                pixels, width, height, focal_length,
-                model_hues, hue_tolerance, min_saturation, min_value, scratch,
-            )  # fmt: skip
+            points[0, kept], points[1, kept], points[2, kept] = a, b, c
+            colors[kept] = color
+            kept += 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def _place_strip(
+    first: int,
+    visible: NDArray[np.bool_],
+    scale: float,
+    placed: Placed,
+    solid: Solid,
+    samples: Samples,
+    scratch: Scratch,
+) -> int:
+    """Writes the points of S_out, Eq. (20), from ``first`` on; returns where they end.
+
+    They lie outside the silhouette. Any color of the model counts there, hidden faces' too.
+    """
+    points, colors = scratch.points, scratch.colors
+    edge_points, edge_start = samples.edge_points, samples.edge_start
+    edge_directions, edge_faces = samples.edge_directions, solid.edge_faces
+    middle, R, depth_0 = solid.middle, placed.R, placed.p[2]
+    ox, oy, oz = placed.p_MK
+    any_color = np.uint32(0)
+    for color in solid.colors:
+        any_color |= color
+    kept = first
+    for k in range(len(edge_directions)):
+        # The edges between a visible and a hidden face
+        if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
+            continue
+        # Perpendicular to the edge and to the line of sight (in M), away from the body.
+        j0, j1 = edge_start[k], edge_start[k + 1]
+        a, b, c = edge_points[0, j0], edge_points[1, j0], edge_points[2, j0]
+        sx, sy, sz = a - ox, b - oy, c - oz
+        dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
+        nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+        toward = nx * (middle[0] - a) + ny * (middle[1] - b) + nz * (middle[2] - c)
+        norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if toward > 0.0:
+            norm = -norm
+        nx, ny, nz = nx / norm, ny / norm, nz / norm
+        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+        for strip_offset in samples.strip_offsets:
+            offset = max(strip_offset, scale * depth)
+            for j in range(j0, j1):
+                points[0, kept] = edge_points[0, j] + offset * nx
+                points[1, kept] = edge_points[1, j] + offset * ny
+                points[2, kept] = edge_points[2, j] + offset * nz
+                colors[kept] = any_color
+                kept += 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def find_visible(
+    placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
+) -> None:
+    """Fills in which faces look at the camera."""
+    ox, oy, oz = placed.p_MK
+    normals, centers = solid.normals, solid.centers
+    for k in range(len(normals)):
+        dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
+        cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
+        visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(cache=True, error_model="numpy")
+def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
+    """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
+    solid = scene.solid
+    visible = np.empty(len(solid.normals), dtype=np.bool_)
+    most_points = (
+        samples.inside_points.shape[1]
+        + samples.edge_points.shape[1] * len(samples.strip_offsets)
+    )
+    scratch = Scratch(
+        np.empty((3, most_points)),
+        np.empty(most_points, dtype=np.uint32),
+        np.empty(most_points, dtype=np.int32),
+    )
+    placed = new_placed()
+    fitness = np.zeros(len(poses))
+    for view in scene.views:
+        eye = view.eye
+        for i in range(len(poses)):
+            place(rotation(poses[i, 3:]), poses[i, :3], eye, placed)
+            find_visible(placed, solid, rules.min_cosine, visible)
+            z = placed.p[2]
+            pixels_a_unit = magnification(eye.lens, placed.p[0] / z, placed.p[1] / z)
+            scale = rules.min_border_distance / pixels_a_unit
+            # Lambda of Eq. (21): the inside points of the visible faces
+            count = _place_inside(visible, scale, placed, solid, samples, scratch)
+            end = _place_strip(count, visible, scale, placed, solid, samples, scratch)
+            _find_pixels(scratch, end, placed, eye)
+            matches = _count_matches(scratch, 0, count, view.pixels, scene.gate)
+            matches -= _count_matches(scratch, count, end, view.pixels, scene.gate)
             if count > 0 and matches > 0:
-                total += matches / count  # Eq. (21), at least zero
-        fitness[i] = 0.5 * total  # Eq. (22)
-    return fitness
+                fitness[i] += matches / count  # Eq. (21), at least zero
+    return fitness / len(scene.views)  # Eq. (22)

@@ -1,34 +1,37 @@
 """Compiled Gauss-Newton steps on color borders (numba). Import only where it runs.
 
-`BorderRefiner` says what is estimated; here is how it is computed. Slots and image coordinates are
-those of `_edge_lines`.
+`BorderRefiner` says what is estimated; here is how it is computed. Slots and lines are those of
+`_edge_lines`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._borders import find_borders, find_jumps
+from mffdrake.recognition._borders import (
+    BorderRules,
+    Borders,
+    Stage,
+    find_borders,
+    find_jumps,
+)
 from mffdrake.recognition._edge_lines import (
-    FIRST,
-    LAST,
-    SLOPE,
-    crossing,
-    crossing_jacobian,
+    Lines,
+    cross,
+    cross_jacobians,
     edge_lines,
     move,
     move_lines,
 )
+from mffdrake.recognition._kernels import Scene
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Image = NDArray[np.uint8]
-Result: TypeAlias = tuple[int, Array, Array, Array]
 
 SETTLED, TOO_FEW, SINGULAR, UNSETTLED = range(4)
 
@@ -38,6 +41,48 @@ _LEAST_HARDNESS = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
 _JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
+
+
+class Found(NamedTuple):
+    """What the images show: borders and jumps, and how hard the images are."""
+
+    borders: Borders
+    jumps: Borders
+    spacing: int
+    hardness: float
+
+
+class Equations(NamedTuple):
+    """The normal equations N x = b of a step (`move`)."""
+
+    N: Array
+    b: Array
+
+
+class Result(NamedTuple):
+    """How a refinement ended.
+
+    Attributes:
+        outcome: `SETTLED`, or why not.
+        pose: The pose vector, shape (6,).
+        covariance: Of translation and rotation vector, both in the rig's frame, shape (6, 6).
+        num_borders: Number of borders.
+        num_jumps: Number of jumps.
+        sought: Number of places where a border was sought.
+        trusted: Mean robust weight of the borders.
+        scale: Root of the mean squared distance of the trusted borders [px].
+        hardness: Of the images.
+    """
+
+    outcome: int
+    pose: Array
+    covariance: Array
+    num_borders: int
+    num_jumps: int
+    sought: int
+    trusted: float
+    scale: float
+    hardness: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,12 +118,12 @@ def solve(L: Array, b: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _add(J: Array, r: float, w: float, N: Array, b: Array, shared: Array) -> None:
+def _add(J: Array, r: float, w: float, equations: Equations, shared: Array) -> None:
     """Adds one border to the normal equations and to its slot's sums."""
     for i in range(6):
         for j in range(i + 1):
-            N[i, j] += w * J[i] * J[j]
-        b[i] += w * J[i] * r
+            equations.N[i, j] += w * J[i] * J[j]
+        equations.b[i] += w * J[i] * r
         shared[i] += w * J[i]
     shared[6] += w * r
     shared[7] += w
@@ -92,66 +137,81 @@ def _robust(squared: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _compare(
+    pose: Array, lines: Lines, borders: Borders, scene: Scene, residuals: Array, J: Array
+) -> None:
+    """Fills in how far borders (or jumps) are from the lines, and how a `move` changes that."""
+    n, num_edges = len(borders), len(scene.solid.edges)
+    along, across, x, y = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    start = 0
+    while start < n:
+        slot, stop = borders[start].slot, start
+        while stop < n and borders[stop].slot == slot:
+            along[stop] = borders[stop].along
+            stop += 1
+        part, eye = slice(start, stop), scene.views[slot // num_edges].eye
+        cross(eye, lines[slot], along[part], across[part], x[part], y[part])
+        cross_jacobians(eye, lines[slot], x[part], y[part], pose, J[part])
+        for k in range(start, stop):
+            residuals[k] = borders[k].across - across[k]
+        start = stop
+
+
+@njit(cache=True, error_model="numpy")
 def normal_equations(
     pose: Array,
-    lines: Array,
-    slots: IntArray,
-    borders: Array,
-    jump_slots: IntArray,
-    jumps: Array,
-    focal_length: float,
-    baseline: float,
-    spacing: int,
-    hardness: float,
-    border_error: float,
-    edge_error: float,
+    lines: Lines,
+    found: Found,
+    scene: Scene,
+    rules: BorderRules,
+    equations: Equations,
     jump_tolerance: float,
-    N: Array,
-    b: Array,
 ) -> tuple[float, float]:
-    """Fills the weighted normal equations N x = b of a step (`move`) and of all errors.
+    """Fills in the weighted normal equations of all errors, and the borders' weights.
 
     Returns the borders' scale [px] and the sum of their robust weights.
     """
-    num_edges = len(lines) // 2
-    residuals = np.empty(len(slots))
-    for k in range(len(slots)):
-        residuals[k] = borders[k, 1] - crossing(lines, slots[k], borders[k, 0])
-    scale = max(border_error, 1.4826 * float(np.median(np.abs(residuals))))
+    borders, jumps = found.borders, found.jumps
+    least, edge_error = rules.border_error, rules.edge_error
+    N, b = equations
+    residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
+    _compare(pose, lines, borders, scene, residuals, J)
+    scale = max(least, 1.4826 * float(np.median(np.abs(residuals))))
     # The cut is robust; what remains within it tells the variance.
     total, trusted = 0.0, 0.0
-    for k in range(len(slots)):
+    for k in range(len(borders)):
         weight = _robust(residuals[k] ** 2 / (scale * scale))
         total += weight * residuals[k] ** 2
         trusted += weight
-    spread = max(border_error**2, total / trusted)
-    J = np.empty(6)
+    spread = max(least**2, total / trusted)
     shared = np.zeros((len(lines), 8))
     N[:], b[:] = 0.0, 0.0
-    for k in range(len(slots)):
-        slot = slots[k]
+    for k in range(len(borders)):
+        border = borders[k]
+        line = lines[border.slot]
         variance = spread
-        if lines[slot, SLOPE] < _STEEPEST:
+        if abs(line.slope) < _STEEPEST:
             # Borders that round to the same pixel share the error of it: together they count as
             # one. In a steeper edge those errors follow each other too fast to matter.
-            length = abs(lines[slot, LAST] - lines[slot, FIRST])
-            same = min(length, 1.0 / max(lines[slot, SLOPE], 1e-9)) / spacing
-            variance += hardness / 12.0 * same
-        weight = _robust(residuals[k] ** 2 / (scale * scale))
-        shift = baseline if slot >= num_edges else 0.0
-        crossing_jacobian(lines, slot, borders[k, 0], pose, focal_length, shift, J)
-        _add(J, residuals[k], weight / variance, N, b, shared[slot])
-    for k in range(len(jump_slots)):
-        slot = jump_slots[k]
-        if lines[slot, SLOPE] >= _STEEPEST:
+            length = abs(line.last - line.first)
+            same = min(length, 1.0 / max(abs(line.slope), 1e-9)) / found.spacing
+            variance += found.hardness / 12.0 * same
+        border.weight = _robust(residuals[k] ** 2 / (scale * scale)) / variance
+        _add(J[k], residuals[k], border.weight, equations, shared[border.slot])
+    residuals, J = np.empty(len(jumps)), np.empty((len(jumps), 6))
+    _compare(pose, lines, jumps, scene, residuals, J)
+    for k in range(len(jumps)):
+        jump = jumps[k]
+        line = lines[jump.slot]
+        jump.weight = 0.0
+        if abs(line.slope) >= _STEEPEST:
             continue
         # It lies evenly spread over some rows, times how far the line moves in one.
-        variance = (lines[slot, SLOPE] * jumps[k, 2]) ** 2 / 12.0 + _JUMP_FLOOR**2
-        r = jumps[k, 1] - crossing(lines, slot, jumps[k, 0])
-        weight = _robust(r * r / (4.0 * (variance + edge_error**2) + jump_tolerance**2))
-        shift = baseline if slot >= num_edges else 0.0
-        crossing_jacobian(lines, slot, jumps[k, 0], pose, focal_length, shift, J)
-        _add(J, r, weight / variance, N, b, shared[slot])
+        variance = (line.slope * jump.within) ** 2 / 12.0 + _JUMP_FLOOR**2
+        squared = residuals[k] ** 2
+        jump.weight = _robust(squared / (4.0 * (variance + edge_error**2) + jump_tolerance**2))
+        jump.weight /= variance
+        _add(J[k], residuals[k], jump.weight, equations, shared[jump.slot])
     # An error that all borders of a slot share has the covariance D + edge_error^2 1 1^T, whose
     # inverse is (Sherman and Morrison) that of D less a matrix of rank one.
     for slot in range(len(lines)):
@@ -164,88 +224,114 @@ def normal_equations(
 
 
 @njit(cache=True, error_model="numpy")
-def refine(
-    start: Array,
-    pixels_right: Image,
-    pixels_left: Image,
-    width: int,
-    height: int,
-    focal_length: float,
-    baseline: float,
-    vertices: Array,
-    edges: IntArray,
-    edge_faces: IntArray,
-    normals: Array,
-    centers: Array,
-    hues: Array,
-    windows: IntArray,
-    spacings: IntArray,
-    steps: IntArray,
-    blend: int,
-    end_margin: float,
-    min_cosine: float,
-    min_contrast: float,
-    max_mismatch: float,
-    min_borders: int,
-    border_error: float,
-    edge_error: float,
-    hue_tolerance: float,
-    min_saturation: float,
-    min_value: float,
-) -> Result:
-    """Refines a pose, see `BorderRefiner.refine`.
+def _calibration_errs(scene: Scene) -> bool:
+    """Whether a camera's calibration is known to leave an error."""
+    for view in scene.views:
+        if view.eye.calibration_error > 0.0:
+            return True
+    return False
 
-    Returns:
-        How it ended; the pose vector; the covariance of translation and rotation vector, both in
-        the camera's frame, shape (6, 6); and the number of borders, that of jumps, the share of
-        trusted borders, their scale [px] and the hardness of the image, shape (5,).
+
+@njit(cache=True, error_model="numpy")
+def _calibration_covariance(
+    pose: Array, lines: Lines, found: Found, scene: Scene, L: Array
+) -> Array:
+    """What errors of the cameras' calibration add to the covariance, shape (6, 6).
+
+    If all that a camera shows is off by (du, dv), the borders of a line with the slope m are off by
+    ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``.
     """
-    pose = start.copy()
-    covariance, L, N = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6))
-    b, statistics = np.zeros(6), np.zeros(5)
-    advance = np.inf
-    for stage in range(len(windows)):
-        final = stage == len(windows) - 1
-        lines = edge_lines(pose, vertices, edges, focal_length, baseline)
-        slots, borders = find_borders(
-            pose, lines, pixels_right, pixels_left, width, height, focal_length, baseline,
-            edge_faces, normals, centers, hues, windows[stage], spacings[stage], blend,
-            end_margin, min_cosine, min_contrast, max_mismatch,
-            hue_tolerance, min_saturation, min_value,
-        )  # fmt: skip
-        statistics[:] = 0.0
-        statistics[0] = len(slots)
-        if len(slots) * spacings[stage] < min_borders:
-            return TOO_FEW, pose, covariance, statistics
-        # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
-        # image and 1/6 on average where every share occurs; rounding to steps of q makes it
-        # (1 - q^2) / 6, so this is q^2.
-        hardness = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * borders[:, 2].mean()))
-        jump_slots, jumps = slots[:0], borders[:0]
-        if final and spacings[stage] == 1 and hardness > _LEAST_HARDNESS:
-            jump_slots, jumps = find_jumps(slots, borders, lines, width, height)
-        for k in range(steps[stage]):
-            scale, trusted = normal_equations(
-                pose, lines, slots, borders, jump_slots, jumps, focal_length, baseline,
-                spacings[stage], hardness, border_error, edge_error, 0.1 * 0.25**k, N, b,
-            )  # fmt: skip
-            statistics[1], statistics[2] = len(jumps), trusted / len(slots)
-            statistics[3], statistics[4] = scale, hardness
-            if not factor(N, L):
-                return SINGULAR, pose, covariance, statistics
-            step = solve(L, b)
-            advance = 0.0  # squared, in units of the covariance: x^T N x
+    num_edges = len(scene.solid.edges)
+    added = np.zeros((6, 6))
+    moved = np.zeros((len(scene.views), 2, 6))
+    for marks in (found.borders, found.jumps):
+        residuals, J = np.empty(len(marks)), np.empty((len(marks), 6))
+        _compare(pose, lines, marks, scene, residuals, J)
+        for k in range(len(marks)):
+            mark = marks[k]
+            line, v = lines[mark.slot], mark.slot // num_edges
+            by_u, by_v = (1.0, -line.slope) if line.rows else (-line.slope, 1.0)
             for i in range(6):
-                advance += step[i] * b[i]
-            pose = move(pose, step)
-            # Slopes set the weights, which must not change for ever.
-            move_lines(lines, pose, vertices, edges, focal_length, baseline, k < 3)
-            if not math.isfinite(lines.sum()):
-                return UNSETTLED, pose, covariance, statistics
-            if advance < _SETTLED and k >= 2:
-                break
-    for i in range(6):
-        b[:] = 0.0
-        b[i] = 1.0
-        covariance[:, i] = solve(L, b)
-    return (SETTLED if advance < 0.25 else UNSETTLED), pose, covariance, statistics
+                moved[v, 0, i] += mark.weight * J[k, i] * by_u
+                moved[v, 1, i] += mark.weight * J[k, i] * by_v
+    for v in range(len(scene.views)):
+        for axis in range(2):
+            step = scene.views[v].eye.calibration_error * solve(L, moved[v, axis])
+            for i in range(6):
+                for j in range(6):
+                    added[i, j] += step[i] * step[j]
+    return added
+
+
+@njit(cache=True, error_model="numpy")
+def refine(
+    start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
+) -> Result:
+    """Refines a pose, see `BorderRefiner.refine`."""
+    result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan)
+    for index in range(len(stages)):
+        result = _refine_once(
+            result.pose, scene, rules, stages[index], index == len(stages) - 1
+        )
+        if result.outcome != SETTLED:
+            break
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def _refine_once(
+    start: Array, scene: Scene, rules: BorderRules, stage: Stage, final: bool
+) -> Result:
+    """Finds borders and steps; before the final stage it need not have settled."""
+    pose, solid = start.copy(), scene.solid
+    covariance, L = np.zeros((6, 6)), np.zeros((6, 6))
+    equations = Equations(np.zeros((6, 6)), np.zeros(6))
+    lines = edge_lines(pose, solid.vertices, solid.edges, scene.views)
+    borders, sought = find_borders(pose, lines, scene, rules, stage)
+    count = len(borders)
+    if count * stage.spacing < rules.min_borders:
+        return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan)
+    # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
+    # image and 1/6 on average where every share occurs; rounding to steps of q makes it
+    # (1 - q^2) / 6, so this is q^2.
+    blended = 0.0
+    for k in range(count):
+        blended += borders[k].blended
+    hardness = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * blended / count))
+    jumps = borders[:0]
+    if final and stage.spacing == 1 and hardness > _LEAST_HARDNESS:
+        jumps = find_jumps(borders, lines)
+    found = Found(borders, jumps, stage.spacing, hardness)
+    outcome, trusted, scale = SETTLED, 0.0, np.nan
+    for k in range(stage.steps):
+        scale, weights = normal_equations(
+            pose, lines, found, scene, rules, equations, 0.1 * 0.25**k
+        )
+        trusted = weights / count
+        if not factor(equations.N, L):
+            outcome = SINGULAR
+            break
+        step = solve(L, equations.b)
+        advance = 0.0  # squared, in units of the covariance: x^T N x
+        for i in range(6):
+            advance += step[i] * equations.b[i]
+        pose = move(pose, step)
+        # Slopes set the weights, which must not change for ever.
+        whole = move_lines(lines, pose, solid.vertices, solid.edges, scene.views, k < 3)
+        if not (whole and math.isfinite(pose.sum())):
+            outcome = UNSETTLED
+            break
+        outcome = SETTLED if advance < 0.25 or not final else UNSETTLED
+        if advance < _SETTLED and k >= 2:
+            break
+    if outcome == SETTLED and final:
+        unit = np.zeros(6)
+        for i in range(6):
+            unit[:] = 0.0
+            unit[i] = 1.0
+            covariance[:, i] = solve(L, unit)
+        if _calibration_errs(scene):
+            covariance += _calibration_covariance(pose, lines, found, scene, L)
+    return Result(
+        outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness
+    )

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.local_moves import LocalMoves
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._breeding import Coding, Shares
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.uint8]
@@ -114,7 +117,7 @@ class GeneCoding:
         """
         from mffdrake.recognition import _breeding  # numba: slow to import
 
-        genes = _breeding.encode(np.array(poses, dtype=float).reshape(-1, 6), *self.arguments)
+        genes = _breeding.encode(np.array(poses, dtype=float).reshape(-1, 6), self.struct)
         bits = (genes[..., None] >> np.arange(self.bits - 1, -1, -1)) & 1
         return np.asarray(bits, dtype=np.uint8).reshape(len(genes), 6 * self.bits)
 
@@ -131,14 +134,18 @@ class GeneCoding:
 
         digits = np.asarray(bits, dtype=np.int64).reshape(len(bits), 6, self.bits)
         genes = digits @ (1 << np.arange(self.bits - 1, -1, -1))
-        poses: Array = _breeding.decode(genes, *self.arguments)
+        poses: Array = _breeding.decode(genes, self.struct)
         return poses
 
     @cached_property
-    def arguments(self) -> tuple[Array, Array, int, bool]:
-        """What the compiled functions take: range, greatest value of a gene, whether Gray."""
+    def struct(self) -> Coding:
+        """What the compiled functions take."""
+        from mffdrake.recognition._breeding import Coding  # numba: slow to import
+
         span = self.search_range
-        return span.lower, span.upper, 2**self.bits - 1, self.coding == "gray"
+        return Coding(
+            span.lower, span.upper, self.bits, 2**self.bits - 1, self.coding == "gray"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,14 +219,22 @@ class GeneticAlgorithm:
         self.coding = coding
         self.parameters = parameters
         self.local_moves = local_moves
-        n = parameters.population_size
-        self._num_survivors = min(n - 2, max(1, round(parameters.survivor_share * n)))
-        children = n - self._num_survivors - parameters.average_best
-        self._num_local = round(parameters.local_share * children)
-        self._num_newcomers = min(
-            round(parameters.newcomer_share * children), children - self._num_local
-        )
-        self._num_crossed = children - self._num_local - self._num_newcomers
+
+    @cached_property
+    def _shares(self) -> Shares:
+        """What a generation is made of, as the compiled function takes it."""
+        from mffdrake.recognition._breeding import Shares  # numba: slow to import
+
+        p, n = self.parameters, self.parameters.population_size
+        num_survivors = min(n - 2, max(1, round(p.survivor_share * n)))
+        children = n - num_survivors - p.average_best
+        num_local = round(p.local_share * children)
+        num_newcomers = min(round(p.newcomer_share * children), children - num_local)
+        num_crossed = children - num_local - num_newcomers
+        return Shares(
+            p.average_best, num_survivors, num_local, num_newcomers, num_crossed,
+            float(p.mutation_probability),
+        )  # fmt: skip
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Poses drawn evenly over the search range.
@@ -234,7 +249,7 @@ class GeneticAlgorithm:
         from mffdrake.recognition import _breeding  # numba: slow to import
 
         genes = _breeding.draw_genes(count, 2**self.coding.bits - 1, rng)
-        poses: Array = _breeding.decode(genes, *self.coding.arguments)
+        poses: Array = _breeding.decode(genes, self.coding.struct)
         return poses
 
     def draw_near(
@@ -284,11 +299,12 @@ class GeneticAlgorithm:
         from mffdrake.recognition import _breeding  # numba: slow to import
 
         given = np.empty((0, 6)) if center is None else np.array(center, dtype=float).reshape(1, 6)
+        parents = _breeding.Parents(
+            np.ascontiguousarray(poses, dtype=float),
+            np.ascontiguousarray(fitness, dtype=float),
+            given,
+        )
         next_poses: Array = _breeding.breed(
-            np.ascontiguousarray(poses, dtype=float), np.ascontiguousarray(fitness, dtype=float),
-            given, self.parameters.average_best, self._num_survivors, self._num_local,
-            self._num_newcomers, self._num_crossed, self.parameters.mutation_probability,
-            self.coding.bits, *self.coding.arguments,
-            *self.local_moves.arguments, rng,
-        )  # fmt: skip
+            parents, self._shares, self.coding.struct, self.local_moves.struct, rng
+        )
         return next_poses

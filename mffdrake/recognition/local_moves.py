@@ -12,9 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._breeding import Moves
 
 Array = NDArray[np.float64]
 
@@ -58,7 +63,7 @@ class LocalMoves:
 
     Args:
         pivots: Points of the solid in its frame M [m] about which it is turned, shape (K, 3).
-        p_CS: The point in the camera frame C between the two cameras [m], shape (3,).
+        middle: The point of the frame C in the middle of the cameras [m], shape (3,).
         parameters: How far the moves go.
 
     Example:
@@ -67,15 +72,21 @@ class LocalMoves:
         (5, 6)
     """
 
-    def __init__(self, pivots: ArrayLike, p_CS: ArrayLike, parameters: LocalMoveParameters) -> None:
+    def __init__(self, pivots: ArrayLike, middle: ArrayLike, parameters: LocalMoveParameters) -> None:
         self.pivots: Array = np.asarray(pivots, dtype=float).reshape(-1, 3)
-        self.p_CS: Array = np.asarray(p_CS, dtype=float)
-        self.parameters = p = parameters
-        self.arguments = (
-            self.pivots, self.p_CS,
-            p.depth, p.shift, math.radians(p.rotation_deg), p.decades, p.sparsity,
+        self.middle: Array = np.asarray(middle, dtype=float)
+        self.parameters = parameters
+
+    @cached_property
+    def struct(self) -> Moves:
+        """What the compiled functions take."""
+        from mffdrake.recognition._breeding import Moves  # numba: slow to import
+
+        p = self.parameters
+        return Moves(
+            self.pivots, self.middle, float(p.depth), float(p.shift),
+            math.radians(p.rotation_deg), float(p.decades), float(p.sparsity),
         )  # fmt: skip
-        """What the compiled function takes."""
 
     def draw(self, pose: ArrayLike, count: int, rng: np.random.Generator) -> Array:
         """Poses around one.
@@ -91,6 +102,6 @@ class LocalMoves:
         from mffdrake.recognition import _breeding  # numba: slow to import
 
         poses: Array = _breeding.draw_local_moves(
-            np.array(pose, dtype=float), count, *self.arguments, rng
+            np.array(pose, dtype=float), count, self.struct, rng
         )
         return poses

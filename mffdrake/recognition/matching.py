@@ -1,18 +1,31 @@
-"""Hue matching and the fitness of many poses on one image pair: equations (21), (22)."""
+"""Hue matching and the fitness of many poses on the images of a camera rig: equations (21), (22)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.cameras import CameraRig, Image
+from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.solid_model import SearchModel
-from mffdrake.recognition.stereo import StereoCamera
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._kernels import ColorGate, Rules, Samples, Scene, Solid
 
 Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
+Images: TypeAlias = Sequence[Image] | Mapping[str, Image]
+"""One image a camera, in the rig's order or by the cameras' names."""
+
+Gains: TypeAlias = tuple[float, float, float]
+"""White balance: what red, green and blue are multiplied with before colors are told."""
+
+NO_GAINS: Gains = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +38,7 @@ class MatchingParameters:
             a pixel on the border between a bright color and medium grey has a hue when about half
             of it is covered, so that borders lie where they are.
         min_value: Least value, i.e. brightness (0 to 1), of a pixel that has a hue.
+        min_chroma: Least chroma (0 to 1), saturation times value, of a pixel that has a hue.
         min_cosine: A face is visible above this cosine between its normal and the line from its
             center to the camera. Keep it below 0.05: a larger one makes it pay for the search to
             turn a face out of sight.
@@ -40,6 +54,7 @@ class MatchingParameters:
     hue_tolerance_deg: float = 20.0
     min_saturation: float = 0.62
     min_value: float = 0.2
+    min_chroma: float = 0.0
     min_cosine: float = 0.0
     min_border_distance: float = 0.8
 
@@ -49,6 +64,7 @@ class MatchingParameters:
             ("hue_tolerance_deg", 0.0, 180.0),
             ("min_saturation", 0.0, 1.0),
             ("min_value", 0.0, 1.0),
+            ("min_chroma", 0.0, 1.0),
             ("min_cosine", 0.0, 1.0),
             ("min_border_distance", 0.0, math.inf),
         ):
@@ -58,87 +74,117 @@ class MatchingParameters:
 
 
 class Matcher:
-    """Scores pose hypotheses by how well the projected solid's colors match both images.
+    """Scores pose hypotheses by how well the projected solid's colors match all images.
 
-    A pose's fitness is at most 1. The share of inside points that show their face's hue counts
-    for it; points of the strip outside the silhouette that show *any* hue of the model, each
-    counted once, count against it (where two faces share a hue, the sum in Eq. (21) as printed
-    would subtract the strip twice). The cost is linear in the poses and in the points.
+    A pose's fitness is at most 1, the mean over the cameras. The share of inside points that show
+    their face's color counts for it; points of the strip outside the silhouette that show *any*
+    color of the model, each counted once, count against it (where two faces share a color, the sum
+    in Eq. (21) as printed would subtract the strip twice). The cost is linear in the poses, in the
+    points and in the cameras.
 
     Args:
         search_model: The sampled solid.
-        camera: The stereo geometry.
+        rig: The cameras. Poses are the target's in its frame C.
         parameters: Tolerances.
+        colors: How the solid's materials look; by default of the mesh's hues, with the parameters'
+            tolerance and gates (which count for nothing where colors are given).
+        channel_order: Of the images: "rgb" or "bgr".
+
+    Raises:
+        ValueError: When ``colors`` lacks one of the solid's materials.
 
     Example:
         >>> from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
         >>> model = SearchModel(SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE)))
-        >>> matcher = Matcher(model, StereoCamera())
+        >>> matcher = Matcher(model, CameraRig.stereo())
         >>> black = np.zeros((480, 640, 3), dtype=np.uint8)
-        >>> matcher.fitness([[0.0, 0.155, 0.8, 0.0, 0.0, 0.0]], black, black)
+        >>> matcher.fitness([[0.0, 0.155, 0.8, 0.0, 0.0, 0.0]], (black, black))
         array([0.])
     """
 
     def __init__(
         self,
         search_model: SearchModel,
-        camera: StereoCamera,
+        rig: CameraRig,
         parameters: MatchingParameters | None = None,
+        colors: ColorModel | None = None,
+        channel_order: ChannelOrder = "rgb",
     ) -> None:
         self.search_model = search_model
-        self.camera = camera
+        self.rig = rig
         self.parameters = p = MatchingParameters() if parameters is None else parameters
-        solid = search_model.solid
-        sixth = math.pi / 3.0  # of the color circle
-        self._arguments = (
-            camera.width, camera.height, camera.focal_length, camera.baseline,
-            np.ascontiguousarray(search_model.inside_points.T), search_model.inside_start,
-            search_model.inside_distances, search_model.inside_distances.min(axis=1),
-            search_model.side_centers, search_model.side_directions,
-            solid.normals, solid.centers, solid.hues / sixth,
-            np.ascontiguousarray(search_model.edge_points.T), search_model.edge_start,
-            search_model.edge_directions, solid.edge_faces, search_model.strip_offsets,
-            solid.vertices.mean(axis=0), np.unique(solid.hues) / sixth,
-            math.radians(p.hue_tolerance_deg) / sixth, p.min_saturation, p.min_value,
-            p.min_cosine, p.min_border_distance,
-        )  # fmt: skip
+        self.solid = solid = search_model.solid
+        if colors is None:
+            colors = ColorModel.of_hues(
+                dict(zip(solid.materials, solid.hues, strict=True)),
+                tolerance=math.radians(p.hue_tolerance_deg), min_saturation=p.min_saturation,
+                min_value=p.min_value, min_chroma=p.min_chroma,
+            )  # fmt: skip
+        self.colors = colors
+        if channel_order not in ("rgb", "bgr"):
+            raise ValueError(f"channel_order must be 'rgb' or 'bgr', not {channel_order!r}")
+        self.channel_order = channel_order
+        self._bits, self._alike = colors.bits_of(solid.materials), colors.alike(solid.materials)
 
-    def fitness(self, poses: ArrayLike, image_right: Image, image_left: Image) -> Array:
+    def fitness(self, poses: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Array:
         """Fitness F of every pose, Eq. (22).
 
         Args:
             poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
-            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
-            image_left: Left camera's image, likewise.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            gains: White balance.
 
         Returns:
             Values from 0 to 1, shape (N,).
 
         Raises:
-            ValueError: When an image has another type or another size than the camera's.
+            ValueError: When an image is missing, or has another type or size than its camera's.
         """
         from mffdrake.recognition import _kernels  # numba: slow to import
 
-        self.check_images(image_right, image_left)
         poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
-        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
-        result: Array = _kernels.fitness_of_poses(poses, right, left, *self._arguments)
+        samples, rules = self._structs[1:]
+        result: Array = _kernels.fitness_of_poses(poses, self.scene(images, gains), samples, rules)
         return result
 
-    def check_images(self, image_right: Image, image_left: Image) -> None:
-        """Checks that images are of the camera's size.
+    def scene(self, images: Images, gains: Gains = NO_GAINS) -> Scene:
+        """What the compiled functions take for images, the solid and its colors.
 
         Args:
-            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
-            image_left: Left camera's image, likewise.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            gains: White balance.
 
         Raises:
-            ValueError: When an image has another type or another size than the camera's.
+            ValueError: When an image is missing, or has another type or size than its camera's.
         """
-        for image in (image_right, image_left):
-            h, w = self.camera.height, self.camera.width
-            if image.shape not in ((h, w, 3), (h, w, 4)) or image.dtype != np.uint8:
-                raise ValueError(
-                    f"an image must be of type uint8 and shape ({h}, {w}, 3 or 4), not of type "
-                    f"{image.dtype} and shape {image.shape}"
-                )
+        from mffdrake.recognition._kernels import Scene  # numba: slow to import
+
+        gate = _gate(self.colors, self.channel_order, tuple(gains))
+        return Scene(self.rig.views(images), self._structs[0], gate)
+
+    @cached_property
+    def _structs(self) -> tuple[Solid, Samples, Rules]:
+        """What the compiled functions take, images aside."""
+        from mffdrake.recognition._kernels import Rules, Samples, Solid  # numba: slow to import
+
+        m, solid, p = self.search_model, self.solid, self.parameters
+        return (
+            Solid(
+                solid.vertices, solid.edges, solid.edge_faces, solid.normals, solid.centers,
+                solid.vertices.mean(axis=0), self._bits, self._alike,
+            ),
+            Samples(
+                np.ascontiguousarray(m.inside_points.T), m.inside_start,
+                m.inside_distances, m.inside_distances.min(axis=1),
+                m.side_centers, m.side_directions,
+                np.ascontiguousarray(m.edge_points.T), m.edge_start,
+                m.edge_directions, m.strip_offsets,
+            ),
+            Rules(float(p.min_cosine), float(p.min_border_distance)),
+        )  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def _gate(colors: ColorModel, channel_order: ChannelOrder, gains: Gains) -> ColorGate:
+    """A color model's look-up table; most frames have the last one's."""
+    return colors.gate(channel_order=channel_order, gains=gains)

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.matching import Image, Matcher
+from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.pose import quaternion_rate_matrix, rotation_angle
 
 Array = NDArray[np.float64]
@@ -140,7 +140,9 @@ class Refinement:
 class Refiner(Protocol):
     """Makes a pose more accurate."""
 
-    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+    def refine(
+        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
+    ) -> Refinement:
         """The refined pose, or the given one with a reason."""
         ...
 
@@ -151,11 +153,13 @@ class NoRefinement:
 
     Example:
         >>> image = np.zeros((480, 640, 3), dtype=np.uint8)
-        >>> NoRefinement().refine(np.zeros(6), image, image).converged
+        >>> NoRefinement().refine(np.zeros(6), [image, image]).converged
         False
     """
 
-    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+    def refine(
+        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
+    ) -> Refinement:
         """The given pose, not refined."""
         return Refinement(np.array(pose, dtype=float))
 
@@ -191,71 +195,71 @@ class BorderRefiner:
         parameters: What counts.
 
     Example:
-        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel, StereoCamera
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, SearchModel, SolidModel
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-        >>> refiner = BorderRefiner(Matcher(SearchModel(box), StereoCamera()))
+        >>> refiner = BorderRefiner(Matcher(SearchModel(box), CameraRig.stereo()))
         >>> grey = np.full((480, 640, 3), 128, dtype=np.uint8)
-        >>> refiner.refine([0.0, 0.155, 0.8, 0.0, 0.0, 0.0], grey, grey).reason
+        >>> refiner.refine([0.0, 0.155, 0.8, 0.0, 0.0, 0.0], [grey, grey]).reason
         'too few borders'
     """
 
     def __init__(self, matcher: Matcher, parameters: RefinementParameters | None = None) -> None:
         self.matcher = matcher
         self.parameters = p = RefinementParameters() if parameters is None else parameters
-        camera, solid, m = matcher.camera, matcher.search_model.solid, matcher.parameters
-        sixth = math.pi / 3.0  # of the color circle
-        self._arguments = (
-            camera.width, camera.height, camera.focal_length, camera.baseline,
-            solid.vertices, solid.edges, solid.edge_faces, solid.normals, solid.centers,
-            solid.hues / sixth,
-            # Three stages: from afar, near, and on every row with as many steps as it takes.
-            np.array([p.window, p.fine_window, p.fine_window]),
-            np.array([p.coarse_spacing, p.coarse_spacing, 1]),
-            np.array([2, 2, 8]),
-            p.blend, p.end_margin, p.min_cosine, p.min_contrast, p.max_mismatch, p.min_borders,
-            p.border_error, p.edge_error,
-            math.radians(m.hue_tolerance_deg) / sixth, m.min_saturation, m.min_value,
+        self._rules = (
+            p.blend, float(p.end_margin), float(p.min_cosine), float(p.min_contrast),
+            float(p.max_mismatch), p.min_borders, float(p.border_error), float(p.edge_error),
         )  # fmt: skip
+        # Three stages: from afar, near, and on every row with as many steps as it takes.
+        self._stages = (
+            (p.window, p.coarse_spacing, 2),
+            (p.fine_window, p.coarse_spacing, 2),
+            (p.fine_window, 1, 8),
+        )
 
-    def refine(self, pose: ArrayLike, image_right: Image, image_left: Image) -> Refinement:
+    def refine(
+        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
+    ) -> Refinement:
         """Refines a pose that is right to within a few millimeters and degrees.
 
         Args:
             pose: Pose vector ``(r [m], eps)``, shape (6,).
-            image_right: Right camera's image, RGB or RGBA, uint8, shape (height, width, 3 or 4).
-            image_left: Left camera's image, likewise.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            gains: White balance.
 
         Returns:
             The refined pose; or the given one, with the reason, when the images say too little or
             nothing consistent, or the refined pose would be less fit.
 
         Raises:
-            ValueError: When an image has another type or another size than the camera's.
+            ValueError: When an image is missing, or has another type or size than its camera's.
         """
-        from mffdrake.recognition import _refinement  # numba: slow to import
+        from mffdrake.recognition import _borders, _refinement  # numba: slow to import
 
         given = np.array(pose, dtype=float).reshape(6)
-        self.matcher.check_images(image_right, image_left)
-        right, left = (im.reshape(-1, im.shape[2]) for im in (image_right, image_left))
-        outcome, refined, C, statistics = _refinement.refine(given, right, left, *self._arguments)
-        num_borders, num_jumps, trusted, residual, hardness = statistics.tolist()
-        reason, fitness = _OUTCOMES[outcome] or self._doubt(given, refined, C, trusted), math.nan
+        result = _refinement.refine(
+            given,
+            self.matcher.scene(images, gains),
+            _borders.BorderRules(*self._rules),
+            tuple(_borders.Stage(*stage) for stage in self._stages),
+        )
+        refined, C, trusted = result.pose, result.covariance, result.trusted
+        reason = _OUTCOMES[result.outcome] or self._doubt(given, refined, C, trusted)
+        fitness = math.nan
         if not reason:
             both = np.stack([refined, given])
-            fitness, least = self.matcher.fitness(both, image_right, image_left).tolist()
+            fitness, least = self.matcher.fitness(both, images, gains=gains).tolist()
             if fitness < least - self.parameters.fitness_tolerance:
                 reason = "less fit"
+        found = {
+            "num_borders": result.num_borders, "num_jumps": result.num_jumps,
+            "trusted": trusted, "residual": result.scale, "hardness": result.hardness,
+        }  # fmt: skip
         if reason:
-            return Refinement(
-                given, False, reason, num_borders=int(num_borders), num_jumps=int(num_jumps),
-                trusted=trusted, residual=residual, hardness=hardness,
-            )  # fmt: skip
+            return Refinement(given, False, reason, **found)
         to_pose = np.eye(6)
         to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
-        return Refinement(
-            refined, True, "", to_pose @ C @ to_pose.T, fitness,
-            int(num_borders), int(num_jumps), trusted, residual, hardness,
-        )  # fmt: skip
+        return Refinement(refined, True, "", to_pose @ C @ to_pose.T, fitness, **found)
 
     def _doubt(self, given: Array, refined: Array, covariance: Array, trusted: float) -> str:
         """What speaks against a refined pose, in words; nothing if it is empty."""

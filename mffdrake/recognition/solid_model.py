@@ -33,18 +33,21 @@ class SolidModel:
         vertices: Corner points in the target's frame M [m], shape (V, 3).
         faces: For each face the indices of its corners, counterclockwise seen from outside.
         hues: Hue of each face [rad], shape (F,).
+        materials: Name of each face's material; by default faces are named by their hues.
 
     Attributes:
         vertices: As given, shape (V, 3).
         faces: As given, a tuple of tuples.
         hues: As given, in [0, 2 pi), shape (F,).
+        materials: Name of each face's material, a tuple; faces of one material look alike.
         normals: Outward unit normals, shape (F, 3).
         centers: Mean of each face's corners [m], shape (F, 3).
         edges: Corner indices of each edge, shape (E, 2).
         edge_faces: The two faces that meet at each edge, shape (E, 2).
 
     Raises:
-        ValueError: When the solid is not closed, not convex, or hues and faces differ in number.
+        ValueError: When the solid is not closed, not convex, or hues or materials and faces differ in
+            number.
 
     Example:
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
@@ -53,7 +56,11 @@ class SolidModel:
     """
 
     def __init__(
-        self, vertices: ArrayLike, faces: Sequence[Sequence[int]], hues: ArrayLike
+        self,
+        vertices: ArrayLike,
+        faces: Sequence[Sequence[int]],
+        hues: ArrayLike,
+        materials: Sequence[str] | None = None,
     ) -> None:
         self.vertices: Array = np.asarray(vertices, dtype=float).reshape(-1, 3)
         self.faces = tuple(tuple(int(i) for i in face) for face in faces)
@@ -61,6 +68,14 @@ class SolidModel:
         if len(self.hues) != len(self.faces):
             raise ValueError(
                 f"SolidModel: {len(self.faces)} faces need as many hues, not {len(self.hues)}"
+            )
+        if materials is None:
+            materials = [f"hue {math.degrees(hue):.6g} deg" for hue in self.hues]
+        self.materials = tuple(materials)
+        if len(self.materials) != len(self.faces):
+            raise ValueError(
+                f"SolidModel: {len(self.faces)} faces need as many materials, not "
+                f"{len(self.materials)}"
             )
         self.normals: Array = np.array([self._normal(face) for face in self.faces])
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
@@ -105,8 +120,8 @@ class SolidModel:
         if not path.is_file():
             raise FileNotFoundError(f"no mesh file {path}")
         scene = trimesh.load_scene(path, process=False)
-        corners, hues = [], []
-        for mesh in scene.geometry.values():
+        corners, hues, materials = [], [], []
+        for name, mesh in scene.geometry.items():
             material = getattr(mesh.visual, "material", None)
             if material is None:
                 raise ValueError(
@@ -122,12 +137,15 @@ class SolidModel:
                 )
             corners.append(np.asarray(mesh.triangles))
             hues.append(np.full(len(mesh.triangles), 2.0 * math.pi * hue))
+            materials += [str(getattr(material, "name", None) or name)] * len(mesh.triangles)
         if not corners:
             raise ValueError(f"{path}: the file has no faces")
-        return cls._from_triangles(np.concatenate(corners), np.concatenate(hues))
+        return cls._from_triangles(np.concatenate(corners), np.concatenate(hues), materials)
 
     @classmethod
-    def _from_triangles(cls, triangles: Array, hues: Array) -> SolidModel:
+    def _from_triangles(
+        cls, triangles: Array, hues: Array, materials: Sequence[str]
+    ) -> SolidModel:
         """Merges coplanar triangles of one hue into convex faces with counterclockwise corners.
 
         Files carry rounded coordinates, so what belongs together agrees within tolerances only.
@@ -147,7 +165,7 @@ class SolidModel:
                 for k in range(index.max() + 1)
             ]
         )
-        faces, face_hues = [], []
+        faces, face_hues, face_materials = [], [], []
         for k in range(label.max() + 1):
             members = np.flatnonzero(label == k)
             ids = np.unique(index[members])
@@ -158,7 +176,8 @@ class SolidModel:
             angle = np.arctan2(arm @ np.cross(normal, first), arm @ first)
             faces.append(tuple(ids[np.argsort(angle)]))
             face_hues.append(hues[members[0]])
-        return cls(vertices, faces, face_hues)
+            face_materials.append(materials[members[0]])
+        return cls(vertices, faces, face_hues, face_materials)
 
     def _normal(self, face: Sequence[int]) -> Array:
         """Outward unit normal of a face (Newell's method)."""

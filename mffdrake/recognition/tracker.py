@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
-from mffdrake.recognition.matching import Image, Matcher
+from mffdrake.recognition.matching import Images, Matcher
 from mffdrake.recognition.refinement import NoRefinement, Refiner
 
 Array = NDArray[np.float64]
@@ -99,12 +99,12 @@ class OneStepGaTracker:
         ValueError: When ``generations_per_frame`` or ``seed`` is out of range.
 
     Example:
-        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel, StereoCamera
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, SearchModel, SolidModel
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-        >>> tracker = OneStepGaTracker(matcher=Matcher(SearchModel(box), StereoCamera()))
-        >>> image = np.zeros((480, 640, 3), dtype=np.uint8)
-        >>> first = tracker.start_population(image, image)
-        >>> second = tracker.track(first, image, image, frame=1)
+        >>> tracker = OneStepGaTracker(matcher=Matcher(SearchModel(box), CameraRig.stereo()))
+        >>> images = 2 * [np.zeros((480, 640, 3), dtype=np.uint8)]
+        >>> first = tracker.start_population(images)
+        >>> second = tracker.track(first, images, frame=1)
         >>> second.best.shape
         (6,)
     """
@@ -131,40 +131,34 @@ class OneStepGaTracker:
         center = solid.vertices.mean(axis=0, keepdims=True)
         moves = LocalMoves(
             np.concatenate([center, solid.centers]),
-            0.5 * self.matcher.camera.p_CL,
+            self.matcher.rig.middle,
             self.local_moves,
         )
         algorithm = GeneticAlgorithm(self.coding, self.parameters, moves)
         object.__setattr__(self, "_algorithm", algorithm)
 
-    def start_population(
-        self, image_right: Image, image_left: Image, *, frame: int = 0
-    ) -> Generation:
+    def start_population(self, images: Images, *, frame: int = 0) -> Generation:
         """Draws and scores the first population.
 
         Args:
-            image_right: Right camera's image, uint8, shape (height, width, 3 or 4).
-            image_left: Left camera's image, likewise.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
             frame: Number of the frame, which the random numbers depend on.
 
         Returns:
             The best of the drawn candidates, as many as the population has.
         """
         candidates = self.start.draw(self._algorithm, self._rng(frame))
-        generation = self._select(candidates, image_right, image_left)
-        return self._refine(generation, image_right, image_left)
+        generation = self._select(candidates, images)
+        return self._refine(generation, images)
 
-    def track(
-        self, generation: Generation, image_right: Image, image_left: Image, *, frame: int
-    ) -> Generation:
+    def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
         """Advances by one frame.
 
         Args:
             generation: The last frame's population, its poses carried to this frame (Eq. (23)) or,
                 without motion feedforward, as they were. With its covariance, as it was, it keeps
                 the first pose as it is.
-            image_right: Right camera's image, uint8, shape (height, width, 3 or 4).
-            image_left: Left camera's image, likewise.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
             frame: Number of the frame, which the random numbers depend on.
 
         Returns:
@@ -180,12 +174,12 @@ class OneStepGaTracker:
         center = None if generation.covariance is None else generation.best
         for _ in range(self.generations_per_frame):
             candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
-            generation, center = self._select(candidates, image_right, image_left), None
-        return self._refine(generation, image_right, image_left)
+            generation, center = self._select(candidates, images), None
+        return self._refine(generation, images)
 
-    def _refine(self, generation: Generation, image_right: Image, image_left: Image) -> Generation:
+    def _refine(self, generation: Generation, images: Images) -> Generation:
         """Puts the refined best pose first, where there is one."""
-        refined = self.refiner.refine(generation.best, image_right, image_left)
+        refined = self.refiner.refine(generation.best, images)
         if not refined.converged:
             return generation
         return Generation(
@@ -194,9 +188,9 @@ class OneStepGaTracker:
             refined.covariance,
         )
 
-    def _select(self, candidates: Array, image_right: Image, image_left: Image) -> Generation:
+    def _select(self, candidates: Array, images: Images) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""
-        fitness = self.matcher.fitness(candidates, image_right, image_left)
+        fitness = self.matcher.fitness(candidates, images)
         # A stable order makes equals keep their places: the center first, survivors last.
         order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
         return Generation(candidates[order], fitness[order])
