@@ -20,6 +20,7 @@ _MODULES = {
     "experiment.grid": "Grid LoadGrid MakeGrid",
     "experiment.local_processes": "LocalProcesses",
     "experiment.oscillation": "FitOscillation Oscillation",
+    "experiment.outline": "DrawOutline DrawViews",
     "experiment.paper_numbers": "InvarianceRatio PAPER Quartiles Verdict",
     "experiment.pictures": "DrawCameraView DrawScene SaveDiagram SaveImage",
     "experiment.plotting": "PlotComparison PlotErrors PlotHandPath PlotPose SaveFigure",
@@ -32,9 +33,9 @@ _MODULES = {
     "experiment.sweep": "Sweep",
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
-        "BorderRefiner GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters "
+        "BorderRefiner Camera CameraRig ColorModel Distortion FaceColor GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters "
         "NearStart OneStepGaTracker RandomStart RefinementParameters SamplingParameters "
-        "SearchModel SearchRange SolidModel StereoCamera"
+        "SearchModel SearchRange SolidModel"
     ),
     "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
     "systems.camera_delay": "AddDelay",

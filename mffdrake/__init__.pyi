@@ -46,6 +46,11 @@ from mffdrake.experiment.visualization import AddMeshcat as AddMeshcat
 from mffdrake.experiment.visualization import PoseEstimateVisualizer as PoseEstimateVisualizer
 from mffdrake.experiment.visualization import SaveReplay as SaveReplay
 from mffdrake.recognition import BorderRefiner as BorderRefiner
+from mffdrake.recognition import Camera as Camera
+from mffdrake.recognition import CameraRig as CameraRig
+from mffdrake.recognition import ColorModel as ColorModel
+from mffdrake.recognition import Distortion as Distortion
+from mffdrake.recognition import FaceColor as FaceColor
 from mffdrake.recognition import GeneCoding as GeneCoding
 from mffdrake.recognition import GeneticParameters as GeneticParameters
 from mffdrake.recognition import LocalMoveParameters as LocalMoveParameters
@@ -59,7 +64,6 @@ from mffdrake.recognition import SamplingParameters as SamplingParameters
 from mffdrake.recognition import SearchModel as SearchModel
 from mffdrake.recognition import SearchRange as SearchRange
 from mffdrake.recognition import SolidModel as SolidModel
-from mffdrake.recognition import StereoCamera as StereoCamera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
 from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
 from mffdrake.recognition.pose import transport_pose as transport_pose

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from mffdrake.experiment.parts import (
     AddEncoders,
     AddSceneRenderer,
-    MakeCamera,
+    MakeRig,
     MakeController,
     MakeTracker,
 )
@@ -58,7 +58,7 @@ def CheckScenario(scenario: Scenario) -> None:
     target = AddTarget(plant, scenario)
     plant.Finalize()
     mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
-    WarnOutside(scenario, LoadSolid(mesh, scenario), MakeCamera(scenario))
+    WarnOutside(scenario, LoadSolid(mesh, scenario), MakeRig(scenario))
 
 
 def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:
@@ -108,7 +108,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     """
     scenario.Validate()
     timing = scenario.timing.Make()
-    camera = MakeCamera(scenario)
+    rig = MakeRig(scenario)
     p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
     # The arm as the controller and the predictor know it
     R_EC = RollPitchYaw(np.radians(scenario.predictor.hand_eye_error_deg)).ToRotationMatrix()
@@ -165,18 +165,18 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         builder,
         plant=plant,
         scene_graph=render_scene,
-        camera=camera,
+        rig=rig,
         renderer=AddSceneRenderer(render_scene, scenario),
         model_instance=arm_instance,
     )
     solid = LoadSolid(mesh, scenario)
     tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
-    WarnOutside(scenario, solid, camera)
+    WarnOutside(scenario, solid, rig)
     recognizer = builder.AddNamedSystem(
         "recognizer", OneStepGaRecognizer(tracker=tracker, timing=timing)
     )
-    for side in ("right", "left"):
-        image = f"color_image_{side}"
+    for name in rig.names:
+        image = f"color_image_{name}"
         builder.Connect(stereo.GetOutputPort(image), recognizer.GetInputPort(image))
         builder.ExportOutput(stereo.GetOutputPort(image), f"stereo_camera.{image}")
     if scenario.method == "mff":

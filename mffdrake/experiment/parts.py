@@ -13,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import (
     BorderRefiner,
+    CameraRig,
     Matcher,
     NearStart,
     NoRefinement,
@@ -22,14 +23,13 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
     Start,
-    StereoCamera,
 )
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.pd_controller import PD_GAINS, PdController, PdGains
 from mffdrake.systems.renderers import AddRenderer
 
-__all__ = ["AddEncoders", "AddSceneRenderer", "MakeCamera", "MakeController", "MakeTracker"]
+__all__ = ["AddEncoders", "AddSceneRenderer", "MakeRig", "MakeController", "MakeTracker"]
 
 
 def MakeTracker(
@@ -53,7 +53,7 @@ def MakeTracker(
         "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
     }
     model = SearchModel(solid, config.MakeSampling())
-    matcher = Matcher(model, MakeCamera(scenario), config.MakeMatching())
+    matcher = Matcher(model, MakeRig(scenario), config.MakeMatching())
     refiners: dict[str, Refiner] = {"none": NoRefinement(), "borders": BorderRefiner(matcher)}
     return OneStepGaTracker(
         matcher=matcher,
@@ -67,10 +67,10 @@ def MakeTracker(
     )
 
 
-def MakeCamera(scenario: Scenario) -> StereoCamera:
+def MakeRig(scenario: Scenario) -> CameraRig:
     """The geometry of the scenario's stereo camera."""
     config = scenario.camera
-    return StereoCamera.from_fov(
+    return CameraRig.stereo(
         width=config.width,
         height=config.height,
         fov_y=np.radians(config.fov_y_deg),

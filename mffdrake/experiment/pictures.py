@@ -15,10 +15,10 @@ from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.sensors import CameraInfo
 
 from mffdrake.experiment.files import WholeFile
-from mffdrake.experiment.plotting import DrawOutline
+from mffdrake.experiment.outline import DrawViews
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.recognition import StereoCamera
+from mffdrake.recognition import Camera
 from mffdrake.systems.pa10 import ARM_NAME
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
@@ -41,24 +41,15 @@ def DrawCameraView(
         frame: Which frame; the last by default.
 
     Returns:
-        An RGB image, the left camera's on the left, shape (height, 2 width, 3).
+        An RGB image, the left camera's on the left, shape (height, 2 width, 3); see `DrawViews`.
     """
-    import cv2
-
     context = _ContextOfFrame(diagram, result, frame)
-    right, left = (
-        diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
-        for side in ("right", "left")
-    )
     matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
-    solid, camera = matcher.search_model.solid, matcher.camera
-    views = DrawOutline(right, left, result.recognized_pose[frame], solid, camera)
-    size = camera.height / 480.0
-    for column, name in ((0, "left camera"), (camera.width, "right camera")):
-        corner = (column + round(16 * size), round(36 * size))
-        font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(views, name, corner, font, 0.9 * size, (0, 0, 0), 2, cv2.LINE_AA)
-    return views
+    images = [
+        diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data.copy()
+        for name in matcher.rig.names
+    ]
+    return DrawViews(images, result.recognized_pose[frame], matcher.solid, matcher.rig)
 
 
 def DrawScene(
@@ -102,24 +93,23 @@ def DrawScene(
     plant = diagram.GetSubsystemByName("plant")
     plant_context = plant.GetMyContextFromRoot(context)
     arm = plant.GetModelInstanceByName(ARM_NAME)
-    camera = diagram.GetSubsystemByName("recognizer").tracker.matcher.camera
-    for side in ("right", "left"):
-        X_WC = plant.GetFrameByName(f"camera_{side}", arm).CalcPoseInWorld(plant_context)
-        _DrawViewingPyramid(image, camera, X_WV.InvertAndCompose(X_WC), intrinsics)
+    for camera in diagram.GetSubsystemByName("recognizer").tracker.matcher.rig.cameras:
+        X_WK = plant.GetFrameByName(f"camera_{camera.name}", arm).CalcPoseInWorld(plant_context)
+        _DrawViewingPyramid(image, camera, X_WV.InvertAndCompose(X_WK), intrinsics)
     return image
 
 
 def _DrawViewingPyramid(
-    image: NDArray[np.uint8], camera: StereoCamera, X_VC: RigidTransform, intrinsics: CameraInfo
+    image: NDArray[np.uint8], camera: Camera, X_VK: RigidTransform, intrinsics: CameraInfo
 ) -> None:
-    """Draws what a camera C sees into an image that is seen from V."""
+    """Draws what a camera K sees into an image that is seen from V."""
     import cv2
 
-    x = _VIEW_DEPTH * 0.5 * camera.width / camera.focal_length
-    y = _VIEW_DEPTH * 0.5 * camera.height / camera.focal_length
+    x = _VIEW_DEPTH * 0.5 * camera.width / camera.fx
+    y = _VIEW_DEPTH * 0.5 * camera.height / camera.fy
     corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
-    p_C = np.array([[0.0, 0.0, 0.0], *((a, b, _VIEW_DEPTH) for a, b in corners)])
-    homogeneous = (X_VC @ p_C.T).T @ intrinsics.intrinsic_matrix().T
+    p_K = np.array([[0.0, 0.0, 0.0], *((a, b, _VIEW_DEPTH) for a, b in corners)])
+    homogeneous = (X_VK @ p_K.T).T @ intrinsics.intrinsic_matrix().T
     pixels = np.rint(16.0 * homogeneous[:, :2] / homogeneous[:, 2:]).astype(np.int32)
     color = (255, 255, 160)
     cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)

@@ -1,4 +1,4 @@
-"""Pictures of results, in the style of the paper's Fig. 6, 7 and 8, and of the camera's view."""
+"""Pictures of results, in the style of the paper's Fig. 6, 7 and 8."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ from mffdrake.experiment.evaluation import SETTLED_AFTER, Medians
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.recognition import SolidModel, StereoCamera
-from mffdrake.recognition.pose import transform_from_pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = [
-    "DrawOutline",
     "PlotComparison",
     "PlotErrors",
     "PlotHandPath",
@@ -215,44 +212,6 @@ def PlotComparison(rows: Sequence[dict[str, Any]]) -> Figure:
     window = f"after the first {SETTLED_AFTER:g} s" if settled else "all frames"
     figure.suptitle(f"Medians over the seeds (points: single seeds), {window}")
     return figure
-
-
-def DrawOutline(
-    image_right: NDArray[np.uint8],
-    image_left: NDArray[np.uint8],
-    pose: NDArray[np.float64],
-    solid: SolidModel,
-    camera: StereoCamera,
-) -> NDArray[np.uint8]:
-    """Both images side by side, left one left, with a solid's visible outline over them.
-
-    Args:
-        image_right: Right camera's image, RGB or RGBA, shape (height, width, 3 or 4).
-        image_left: Left camera's image, likewise.
-        pose: Pose vector of the solid in the right camera, shape (6,).
-        solid: The solid.
-        camera: The stereo geometry.
-
-    Returns:
-        An RGB image of shape (height, 2 width, 3).
-    """
-    import cv2
-
-    R_CM, p_CM = transform_from_pose(pose)
-    corners = camera.project(solid.vertices @ R_CM.T + p_CM)
-    views = []
-    for image, pixels, p_CX in zip(
-        (image_right, image_left), corners, (np.zeros(3), camera.p_CL), strict=True
-    ):
-        view = image[:, :, :3].copy(order="C")
-        eye = R_CM.T @ (p_CX - p_CM)
-        for face, normal, center in zip(solid.faces, solid.normals, solid.centers, strict=True):
-            if normal @ (eye - center) > 0:
-                polygon = np.rint(16.0 * pixels[list(face)]).astype(np.int32)
-                cv2.polylines(view, [polygon], True, (255, 255, 255), 2, cv2.LINE_AA, shift=4)
-                cv2.polylines(view, [polygon], True, (0, 0, 0), 1, cv2.LINE_AA, shift=4)
-        views.append(view)
-    return np.hstack(views[::-1])
 
 
 def _WidenFlat(axis: Axes, least: float) -> None:

@@ -177,11 +177,11 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
     That happens once a process and is no part of a frame's time.
     """
     tracker = diagram.GetSubsystemByName("recognizer").tracker
-    right, left = (
-        diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data
-        for side in ("right", "left")
-    )
-    tracker.track(tracker.start_population(right, left), right, left, frame=1)
+    images = [
+        diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data
+        for name in tracker.matcher.rig.names
+    ]
+    tracker.track(tracker.start_population(images), images, frame=1)
 
 
 class _Recorder:
@@ -209,7 +209,8 @@ class _Recorder:
         self._recognizer = diagram.GetSubsystemByName("recognizer")
         self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
         self._image_ports = [
-            diagram.GetOutputPort(f"stereo_camera.color_image_{side}") for side in ("right", "left")
+            diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
+            for name in self._recognizer.tracker.matcher.rig.names
         ]
         self._diagram_context = context
         self._predicted = None

@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
-from mffdrake.recognition import POSE_COORDINATES, SolidModel, StereoCamera
+from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.models import ConfigureParser
 
@@ -131,13 +131,13 @@ def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
     return pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
 
 
-def WarnOutside(scenario: Scenario, solid: SolidModel, camera: StereoCamera) -> None:
+def WarnOutside(scenario: Scenario, solid: SolidModel, rig: CameraRig) -> None:
     """Logs a warning where the target leaves the search range or the images on the desired path.
 
     Args:
         scenario: The scenario.
         solid: The target's solid.
-        camera: The stereo geometry.
+        rig: The cameras.
     """
     search_range = scenario.recognizer.MakeCoding().search_range
     times = np.linspace(0.0, scenario.duration, 201)
@@ -154,13 +154,12 @@ def WarnOutside(scenario: Scenario, solid: SolidModel, camera: StereoCamera) -> 
             )  # fmt: skip
     R_CM, p_CM = transform_from_pose(poses)
     p_CV = solid.vertices @ np.swapaxes(R_CM, 1, 2) + p_CM[:, None]
-    margin = np.array([0.5, 0.5])
-    size = np.array([camera.width, camera.height])
-    for side, pixels in zip(("right", "left"), camera.project(p_CV), strict=True):
-        inside = (p_CV[..., 2] > 0) & np.all((pixels > -margin) & (pixels < size - margin), axis=-1)
-        if not inside.all():
+    for camera in rig.cameras:
+        pixels = camera.project(p_CV)  # NaN for what is not seen
+        size = np.array([camera.width, camera.height])
+        if not np.all((pixels > -0.5) & (pixels < size - 0.5)):
             _log.warning(
                 "target outside the image: on the hand's path parts of it leave the %s camera's "
                 "view, so that its fitness stays below 1",
-                side,
+                camera.name,
             )

@@ -376,3 +376,20 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
             if count > 0 and matches > 0:
                 fitness[i] += matches / count  # Eq. (21), at least zero
     return fitness / len(scene.views)  # Eq. (22)
+
+
+@njit(cache=True, error_model="numpy")
+def middle_shown(poses: Array, scene: Scene) -> IntArray:
+    """In how many views a solid's middle falls on a pixel of one of its colors, shape (N,)."""
+    shown = np.zeros(len(poses), dtype=np.int64)
+    placed, middle = new_placed(), scene.solid.middle
+    scratch = Scratch(np.empty((3, 1)), np.zeros(1, dtype=np.uint32), np.empty(1, dtype=np.int32))
+    scratch.points[:, 0] = middle
+    for color in scene.solid.colors:
+        scratch.colors[0] |= color
+    for view in scene.views:
+        for i in range(len(poses)):
+            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            _find_pixels(scratch, 1, placed, view.eye)
+            shown[i] += _count_matches(scratch, 0, 1, view.pixels, scene.gate)
+    return shown

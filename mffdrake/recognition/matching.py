@@ -140,12 +140,40 @@ class Matcher:
         Raises:
             ValueError: When an image is missing, or has another type or size than its camera's.
         """
+        return self.score(poses, self.scene(images, gains))
+
+    def score(self, poses: ArrayLike, scene: Scene) -> Array:
+        """`fitness` on images that were made ready before.
+
+        Args:
+            poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
+            scene: What `scene` made of the images.
+
+        Returns:
+            Values from 0 to 1, shape (N,).
+        """
         from mffdrake.recognition import _kernels  # numba: slow to import
 
         poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
         samples, rules = self._structs[1:]
-        result: Array = _kernels.fitness_of_poses(poses, self.scene(images, gains), samples, rules)
+        result: Array = _kernels.fitness_of_poses(poses, scene, samples, rules)
         return result
+
+    def middle_shown(self, poses: ArrayLike, scene: Scene) -> NDArray[np.int64]:
+        """In how many images the middle of the solid falls on a pixel of one of its colors.
+
+        Args:
+            poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
+            scene: What `scene` made of the images.
+
+        Returns:
+            Numbers from 0 to that of the cameras, shape (N,).
+        """
+        from mffdrake.recognition import _kernels  # numba: slow to import
+
+        poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
+        shown: NDArray[np.int64] = _kernels.middle_shown(poses, scene)
+        return shown
 
     def scene(self, images: Images, gains: Gains = NO_GAINS) -> Scene:
         """What the compiled functions take for images, the solid and its colors.

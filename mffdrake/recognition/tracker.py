@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
-from mffdrake.recognition.matching import Images, Matcher
+from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.refinement import NoRefinement, Refiner
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._kernels import Scene
 
 Array = NDArray[np.float64]
 
@@ -19,8 +22,17 @@ Array = NDArray[np.float64]
 class Start(Protocol):
     """Draws the candidates for the first population."""
 
-    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
-        """Pose vectors, shape (at least the population's size, 6)."""
+    def draw(
+        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
+    ) -> Array:
+        """Pose vectors, shape (at least the population's size, 6).
+
+        Args:
+            algorithm: Its search range and its parameters count.
+            rng: Source of randomness.
+            matcher: The solid and the cameras.
+            scene: The images, see `Matcher.scene`.
+        """
         ...
 
 
@@ -28,10 +40,33 @@ class Start(Protocol):
 class RandomStart:
     """A first population over the whole search range: nothing is known of the pose."""
 
-    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
+    def draw(
+        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
+    ) -> Array:
         """Pose vectors drawn evenly over the search range."""
         p = algorithm.parameters
         return algorithm.draw(p.population_size * p.first_candidates, rng)
+
+
+@dataclass(frozen=True)
+class ColoredStart:
+    """A first population over the whole search range, where the images show the solid's colors.
+
+    Attributes:
+        draws: So many times more poses are drawn than candidates are wanted; those count whose
+            middle shows a color of the solid in the most images.
+    """
+
+    draws: int = 20
+
+    def draw(
+        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
+    ) -> Array:
+        """Pose vectors drawn over the search range, the best placed of many."""
+        count = algorithm.parameters.population_size * algorithm.parameters.first_candidates
+        poses = algorithm.draw(count * self.draws, rng)
+        shown = matcher.middle_shown(poses, scene)
+        return poses[np.argsort(-shown, kind="stable")[:count]]
 
 
 @dataclass(frozen=True)
@@ -46,7 +81,9 @@ class NearStart:
     pose: ArrayLike
     spread: tuple[float, float] = (0.010, 0.020)
 
-    def draw(self, algorithm: GeneticAlgorithm, rng: np.random.Generator) -> Array:
+    def draw(
+        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
+    ) -> Array:
         """Pose vectors drawn around the known one."""
         count = algorithm.parameters.population_size
         return algorithm.draw_near(self.pose, self.spread, count, rng)
@@ -137,21 +174,32 @@ class OneStepGaTracker:
         algorithm = GeneticAlgorithm(self.coding, self.parameters, moves)
         object.__setattr__(self, "_algorithm", algorithm)
 
-    def start_population(self, images: Images, *, frame: int = 0) -> Generation:
+    def start_population(
+        self, images: Images, *, frame: int = 0, gains: Gains = NO_GAINS
+    ) -> Generation:
         """Draws and scores the first population.
 
         Args:
             images: One a camera, uint8, shape (height, width, 3 or 4).
             frame: Number of the frame, which the random numbers depend on.
+            gains: White balance.
 
         Returns:
             The best of the drawn candidates, as many as the population has.
         """
-        candidates = self.start.draw(self._algorithm, self._rng(frame))
-        generation = self._select(candidates, images)
-        return self._refine(generation, images)
+        scene = self.matcher.scene(images, gains)
+        candidates = self.start.draw(self._algorithm, self._rng(frame), self.matcher, scene)
+        return self.refine(self._select(candidates, scene), images, gains=gains)
 
-    def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
+    def track(
+        self,
+        generation: Generation,
+        images: Images,
+        *,
+        frame: int,
+        gains: Gains = NO_GAINS,
+        proposals: ArrayLike | None = None,
+    ) -> Generation:
         """Advances by one frame.
 
         Args:
@@ -160,6 +208,8 @@ class OneStepGaTracker:
                 the first pose as it is.
             images: One a camera, uint8, shape (height, width, 3 or 4).
             frame: Number of the frame, which the random numbers depend on.
+            gains: White balance.
+            proposals: Further pose vectors that the first generation tries, shape (K, 6).
 
         Returns:
             The next population, scored on these images.
@@ -170,16 +220,26 @@ class OneStepGaTracker:
         expected = (self.parameters.population_size, 6)
         if np.shape(generation.poses) != expected:
             raise ValueError(f"poses must have shape {expected}, not {np.shape(generation.poses)}")
-        rng = self._rng(frame)
+        rng, scene = self._rng(frame), self.matcher.scene(images, gains)
         center = None if generation.covariance is None else generation.best
         for _ in range(self.generations_per_frame):
             candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
-            generation, center = self._select(candidates, images), None
-        return self._refine(generation, images)
+            if proposals is not None:
+                candidates, proposals = np.concatenate([candidates, proposals]), None
+            generation, center = self._select(candidates, scene), None
+        return self.refine(generation, images, gains=gains)
 
-    def _refine(self, generation: Generation, images: Images) -> Generation:
-        """Puts the refined best pose first, where there is one."""
-        refined = self.refiner.refine(generation.best, images)
+    def refine(
+        self, generation: Generation, images: Images, *, gains: Gains = NO_GAINS
+    ) -> Generation:
+        """Puts the refined best pose first, where there is one.
+
+        Args:
+            generation: A population scored on these images.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            gains: White balance.
+        """
+        refined = self.refiner.refine(generation.best, images, gains=gains)
         if not refined.converged:
             return generation
         return Generation(
@@ -188,9 +248,9 @@ class OneStepGaTracker:
             refined.covariance,
         )
 
-    def _select(self, candidates: Array, images: Images) -> Generation:
+    def _select(self, candidates: Array, scene: Scene) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""
-        fitness = self.matcher.fitness(candidates, images)
+        fitness = self.matcher.score(candidates, scene)
         # A stable order makes equals keep their places: the center first, survivors last.
         order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
         return Generation(candidates[order], fitness[order])

@@ -20,7 +20,7 @@ __all__ = ["OneStepGaRecognizer"]
 
 
 class OneStepGaRecognizer(LeafSystem):
-    """Recognizes the target's pose in stereo images, one generation of a GA a frame.
+    """Recognizes the target's pose in the images of a rig, one generation of a GA a frame.
 
     .. pydrake_system::
 
@@ -48,8 +48,8 @@ class OneStepGaRecognizer(LeafSystem):
     predictor is none.
 
     Ports:
-        color_image_right: ImageRgba8U of the right camera (frame C).
-        color_image_left: ImageRgba8U of the left camera.
+        color_image_right, color_image_left: ImageRgba8U of these cameras. They are those of
+            `CameraRig.stereo`; in general there is one port for each camera of the tracker's rig.
         predicted_population: The N hypotheses carried to the present frame, shape (6 N,).
         pose: Recognized pose vector ``(r [m], eps)`` in frame C, shape (6,). Before the first frame
             it is the center of the search range.
@@ -70,9 +70,9 @@ class OneStepGaRecognizer(LeafSystem):
 
     Example:
         >>> from mffdrake.recognition import BLUE, GREEN, RED, Matcher, SearchModel, SolidModel
-        >>> from mffdrake.recognition import StereoCamera
+        >>> from mffdrake.recognition import CameraRig
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-        >>> matcher = Matcher(SearchModel(box), StereoCamera())
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
         >>> recognizer = OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
         >>> context = recognizer.CreateDefaultContext()
         >>> for side in ("right", "left"):
@@ -91,8 +91,10 @@ class OneStepGaRecognizer(LeafSystem):
         n = tracker.parameters.population_size
 
         image = AbstractValue.Make(ImageRgba8U())
-        self._image_right = self.DeclareAbstractInputPort("color_image_right", image)
-        self._image_left = self.DeclareAbstractInputPort("color_image_left", image)
+        self._images = [
+            self.DeclareAbstractInputPort(f"color_image_{name}", image)
+            for name in tracker.matcher.rig.names
+        ]
         self._predicted = self.DeclareVectorInputPort("predicted_population", 6 * n)
 
         center = 0.5 * (tracker.coding.search_range.lower + tracker.coding.search_range.upper)
@@ -138,19 +140,16 @@ class OneStepGaRecognizer(LeafSystem):
             self._TakeFrame(context, discrete_state)
 
     def _TakeFrame(self, context: Context, discrete_state: DiscreteValues) -> None:
-        right, left = (
-            self._Image(context, self._image_right),
-            self._Image(context, self._image_left),
-        )
+        images = [self._Image(context, port) for port in self._images]
         frame = int(context.get_discrete_state(self._num_frames).value()[0])
         if frame == 0:
-            generation = self._tracker.start_population(right, left, frame=frame)
+            generation = self._tracker.start_population(images, frame=frame)
         else:
             fitness = context.get_discrete_state(self._fitness).value()
             covariance = context.get_discrete_state(self._covariance).value()
             refined = None if math.isnan(covariance[0]) else covariance.reshape(6, 6)
             last = Generation(self._CarriedPoses(context), fitness, refined)
-            generation = self._tracker.track(last, right, left, frame=frame)
+            generation = self._tracker.track(last, images, frame=frame)
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))

@@ -1,6 +1,8 @@
-"""The stereo pair on the hand: two of Drake's RgbdSensors."""
+"""The cameras on the hand: Drake's RgbdSensors."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import (
@@ -11,40 +13,19 @@ from pydrake.geometry import (
     RenderCameraCore,
     SceneGraph,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import Frame, ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.sensors import CameraInfo, RgbdSensor
+from pydrake.systems.sensors import RgbdSensor
 
-from mffdrake.recognition import StereoCamera
+from mffdrake.recognition import Camera, CameraRig
+from mffdrake.systems.camera_info import MakeCameraInfo
 
-__all__ = ["AddStereoCamera", "MakeCameraInfo"]
+__all__ = ["AddStereoCamera"]
 
 _CLIPPING = ClippingRange(0.01, 10.0)
 _DEPTH_RANGE = DepthRange(0.1, 5.0)
-
-
-def MakeCameraInfo(camera: StereoCamera) -> CameraInfo:
-    """Drake's intrinsics for a camera: the one place that knows of the half pixel.
-
-    Drake's renderers draw half a pixel up and to the left of where CameraInfo says when one reads
-    whole numbers as pixel centers. So the sensor's principal point is (W/2, H/2), while
-    `StereoCamera` projects with the center at ((W - 1)/2, (H - 1)/2), and the two agree.
-
-    Args:
-        camera: The stereo geometry.
-
-    Returns:
-        The intrinsics for an RgbdSensor.
-
-    Example:
-        >>> info = MakeCameraInfo(StereoCamera(width=640, height=480))
-        >>> info.center_x(), info.center_y()
-        (320.0, 240.0)
-    """
-    f = camera.focal_length
-    return CameraInfo(camera.width, camera.height, f, f, 0.5 * camera.width, 0.5 * camera.height)
 
 
 def AddStereoCamera(
@@ -52,13 +33,12 @@ def AddStereoCamera(
     *,
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    camera: StereoCamera,
+    rig: CameraRig,
     renderer: str,
-    right_frame: str = "camera_right",
-    left_frame: str = "camera_left",
+    frames: Mapping[str, str] | None = None,
     model_instance: ModelInstanceIndex | None = None,
 ) -> Diagram:
-    """Adds a right and a left RgbdSensor on the plant's camera frames, connected to the scene.
+    """Adds an RgbdSensor for each camera of a rig on the plant's frames, connected to the scene.
 
     The result is one Diagram, ``stereo_camera``. Its images are rendered only when they are read,
     each at most once at a time.
@@ -76,32 +56,33 @@ def AddStereoCamera(
         builder: Receives the diagram.
         plant: Holds the frames; registered with the scene and finalized.
         scene_graph: The scene.
-        camera: Image size, focal length and baseline.
+        rig: The cameras; the ports above are those of `CameraRig.stereo`, and in general there is
+            a ``color_image_...`` for each camera's name.
         renderer: Name of a renderer in the scene (see `AddRenderer`).
-        right_frame: Name of the right camera's frame C (x right, y down, z along the line of
-            sight).
-        left_frame: Name of the left camera's frame L.
+        frames: Camera's name to the name of its frame (x right, y down, z along the line of
+            sight), by default ``camera_...``, where one is not named.
         model_instance: The model that the frames belong to, where other models of the plant have
             frames of the same names.
 
     Returns:
-        The stereo pair.
+        The cameras.
 
     Raises:
-        ValueError: When the frames are not ``camera.baseline`` apart with parallel axes, or the
-            scene lacks the renderer.
+        ValueError: When the frames do not lie to each other as the rig's cameras do, a camera has a
+            distortion, or the scene lacks the renderer.
     """
     if not scene_graph.HasRenderer(renderer):
         raise ValueError(f"the scene has no renderer '{renderer}'; add it with AddRenderer")
     where = () if model_instance is None else (model_instance,)
-    names = {"right": right_frame, "left": left_frame}
-    frames = {side: plant.GetFrameByName(name, *where) for side, name in names.items()}
-    _CheckBaseline(plant, frames["right"], frames["left"], camera)
-    core = RenderCameraCore(renderer, MakeCameraInfo(camera), _CLIPPING, RigidTransform())
+    names = {name: f"camera_{name}" for name in rig.names} | dict(frames or {})
+    placed = [plant.GetFrameByName(names[name], *where) for name in rig.names]
+    _CheckPlaces(plant, placed, rig)
     pair = DiagramBuilder()
-    for side, frame in frames.items():
+    sensors = []
+    for camera, frame in zip(rig.cameras, placed, strict=True):
+        core = RenderCameraCore(renderer, MakeCameraInfo(camera), _CLIPPING, RigidTransform())
         sensor = pair.AddNamedSystem(
-            f"camera_{side}",
+            f"camera_{camera.name}",
             RgbdSensor(
                 parent_id=plant.GetBodyFrameIdOrThrow(frame.body().index()),
                 X_PB=frame.GetFixedPoseInBodyFrame(),
@@ -109,11 +90,11 @@ def AddStereoCamera(
                 depth_camera=DepthRenderCamera(core, _DEPTH_RANGE),
             ),
         )
-        if side == "right":
-            query = pair.ExportInput(sensor.query_object_input_port(), "geometry_query")
-        else:
-            pair.ConnectInput(query, sensor.query_object_input_port())
-        pair.ExportOutput(sensor.color_image_output_port(), f"color_image_{side}")
+        sensors.append(sensor)
+        pair.ExportOutput(sensor.color_image_output_port(), f"color_image_{camera.name}")
+    query = pair.ExportInput(sensors[0].query_object_input_port(), "geometry_query")
+    for sensor in sensors[1:]:
+        pair.ConnectInput(query, sensor.query_object_input_port())
     diagram = pair.Build()
     diagram.set_name("stereo_camera")
     builder.AddSystem(diagram)
@@ -121,13 +102,23 @@ def AddStereoCamera(
     return diagram
 
 
-def _CheckBaseline(plant: MultibodyPlant, frame_C, frame_L, camera: StereoCamera) -> None:
-    """Raises where the plant's frames contradict the camera's geometry."""
-    X_CL = frame_L.CalcPose(plant.CreateDefaultContext(), frame_C)
-    expected = RigidTransform(camera.p_CL)
-    if not np.allclose(X_CL.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-9):
-        raise ValueError(
-            f"frame '{frame_L.name()}' lies at {X_CL.translation().round(6)} m in "
-            f"'{frame_C.name()}', but the camera's baseline of {camera.baseline} m asks for "
-            f"{camera.p_CL} m with parallel axes"
-        )
+def _CheckPlaces(plant: MultibodyPlant, frames: Sequence[Frame], rig: CameraRig) -> None:
+    """Raises where the plant's frames contradict the rig's geometry."""
+    context = plant.CreateDefaultContext()
+    X_C0 = _Pose(rig.cameras[0])
+    for camera, frame in zip(rig.cameras[1:], frames[1:], strict=True):
+        X_0K = frame.CalcPose(context, frames[0])
+        expected = X_C0.InvertAndCompose(_Pose(camera))
+        if not np.allclose(X_0K.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-9):
+            angle = X_0K.rotation().InvertAndCompose(expected.rotation()).ToAngleAxis().angle()
+            raise ValueError(
+                f"frame '{frame.name()}' lies at {X_0K.translation().round(6)} m in "
+                f"'{frames[0].name()}', but the rig has camera '{camera.name}' at "
+                f"{expected.translation().round(6)} m, with axes turned by "
+                f"{np.degrees(angle):.3f} deg from the frame's"
+            )
+
+
+def _Pose(camera: Camera) -> RigidTransform:
+    """X_CK."""
+    return RigidTransform(RotationMatrix(camera.R_CK), camera.p_CK)

@@ -1,0 +1,92 @@
+"""Rotations that bring a solid's shape onto itself, or nearly so.
+
+A shape that looks alike from several sides invites wrong optima: the solid turned by one of these
+rotations covers the same pixels, and only its colors tell that it is wrong.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
+from mffdrake.recognition.solid_model import SolidModel
+
+Array = NDArray[np.float64]
+
+_MOST = 60  # the largest finite group of rotations of a solid, but for prisms of many sides
+
+
+def find_turns(solid: SolidModel, tolerance: float = 0.3) -> Array:
+    """Rotations about the middle of a solid's corners that bring its corners near to each other.
+
+    Args:
+        solid: The solid; its colors do not count.
+        tolerance: How far corners may come to lie from corners, as a share of the greatest distance
+            of a corner from the middle.
+
+    Returns:
+        Rotation matrices in the solid's frame, without the identity, those that fit best first, at
+        most 60, shape (K, 3, 3).
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> len(find_turns(SolidModel.box((1.0, 1.0, 1.0), (RED, GREEN, BLUE))))   # a cube's
+        23
+        >>> len(find_turns(SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))))   # half turns
+        3
+    """
+    arms = solid.vertices - solid.vertices.mean(axis=0)
+    limit = tolerance * np.linalg.norm(arms, axis=1).max()
+    # A rotation is known from where it brings two corners that are not in line with the middle.
+    first = arms[0]
+    across = np.linalg.norm(np.cross(first, arms), axis=1)
+    second = arms[np.argmax(across)]
+    turns: list[Array] = []
+    misfits: list[float] = []
+    for a, b in itertools.permutations(arms, 2):
+        if np.linalg.norm(np.cross(a, b)) < 1e-9 * limit**2:
+            continue
+        R = _frame(a, b) @ _frame(first, second).T
+        if np.trace(R) > 2.999 or any(np.trace(R @ S.T) > 2.99 for S in turns):
+            continue
+        apart = np.linalg.norm((arms @ R.T)[:, None] - arms[None], axis=-1)
+        misfit = max(float(apart.min(axis=0).max()), float(apart.min(axis=1).max()))
+        if misfit <= limit:
+            turns.append(R)
+            misfits.append(misfit)
+    order = np.argsort(misfits, kind="stable")[:_MOST]
+    return np.array(turns).reshape(-1, 3, 3)[order]
+
+
+def _frame(a: Array, b: Array) -> Array:
+    """Axes along a and in the plane of a and b, as columns."""
+    x = a / np.linalg.norm(a)
+    z = np.cross(a, b)
+    z /= np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def turn_about_middle(pose: Array, solid: SolidModel, turns: Array) -> Array:
+    """Poses of a solid turned about the middle of its corners, which stays where it is.
+
+    Args:
+        pose: Pose vector, shape (6,).
+        solid: The solid.
+        turns: Rotations in the solid's frame, shape (K, 3, 3).
+
+    Returns:
+        Pose vectors, shape (K, 6).
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> cube = SolidModel.box((1.0, 1.0, 1.0), (RED, GREEN, BLUE))
+        >>> turn_about_middle(np.zeros(6), cube, np.diag([1.0, -1.0, -1.0])[None])
+        array([[0., 0., 0., 1., 0., 0.]])
+    """
+    R, p = transform_from_pose(pose)
+    middle = solid.vertices.mean(axis=0)
+    turned = R @ turns
+    return pose_from_transform(turned, p + R @ middle - turned @ middle)
