@@ -28,11 +28,11 @@ from mffdrake.recognition import (
     BLUE,
     GREEN,
     RED,
+    CameraRig,
     Matcher,
     OneStepGaTracker,
     SearchModel,
     SolidModel,
-    StereoCamera,
 )
 from mffdrake.systems.camera_delay import GeometryPoser
 from mffdrake.systems.joint_encoders import JointEncoders
@@ -45,7 +45,7 @@ from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 
 DIRECTIVE = ".. pydrake_system::"
-CAMERA = StereoCamera(width=64, height=48, focal_length=60.0)
+RIG = CameraRig.stereo(width=64, height=48, focal_length=60.0, baseline=0.150)
 
 
 def modules():
@@ -78,7 +78,7 @@ def port_block(value):
 
 def make_recognizer():
     box = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
-    matcher = Matcher(SearchModel(box), CAMERA)
+    matcher = Matcher(SearchModel(box), RIG)
     return OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
 
 
@@ -92,13 +92,13 @@ def make_stereo_camera():
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     AddPa10(plant)
-    AddCameraFrames(plant, baseline=CAMERA.baseline)
+    AddCameraFrames(plant, baseline=0.150)
     plant.Finalize()
     return AddStereoCamera(
         builder,
         plant=plant,
         scene_graph=scene_graph,
-        camera=CAMERA,
+        rig=RIG,
         renderer=AddRenderer(scene_graph),
     )
 
@@ -161,7 +161,7 @@ def run(system, connected):
         if port.get_data_type() == PortDataType.kVectorValued:
             port.FixValue(context, np.zeros(port.size()))
         elif port.get_name().startswith("color_image"):
-            port.FixValue(context, ImageRgba8U(CAMERA.width, CAMERA.height))
+            port.FixValue(context, ImageRgba8U(64, 48))
         else:
             port.FixValue(context, AbstractValue.Make(RigidTransform()))
     system.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())

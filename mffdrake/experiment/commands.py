@@ -15,6 +15,7 @@ from pydrake.systems.framework import Diagram
 from tqdm import tqdm
 
 from mffdrake.experiment.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.colors_command import RunColors
 from mffdrake.experiment.comparison import Compare, MakeVariants
 from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
@@ -30,13 +31,22 @@ from mffdrake.experiment.plotting import (
     PlotToFile,
     SaveFigure,
 )
+from mffdrake.experiment.recordings.arguments import ArgumentProblem
+from mffdrake.experiment.recordings.color_file import ColorFileError
+from mffdrake.experiment.recordings.image_files import ImageSourceError
+from mffdrake.experiment.recordings.record import Record, TrackCommand
+from mffdrake.experiment.recordings.rig_file import RigError
+from mffdrake.experiment.recordings.tracking import RecordingError
+from mffdrake.experiment.recordings.trajectory import TrajectoryError
 from mffdrake.experiment.reproduce_command import RunReproduce
 from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.store import StoreError
 from mffdrake.experiment.sweep import OtherCodeError
 from mffdrake.experiment.sweep_command import RunSweep
+from mffdrake.experiment.track_command import RunTrack
 from mffdrake.experiment.visualization import SaveReplay
+from mffdrake.recognition.calibration import CalibrationError
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 
@@ -45,8 +55,12 @@ __all__ = ["RunCommand", "UserError"]
 
 _USER_ERRORS = (
     ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
-    StoreError, OtherCodeError,
+    StoreError, OtherCodeError, ArgumentProblem, CalibrationError, ColorFileError,
+    ImageSourceError, RecordingError, RigError, TrajectoryError,
 )  # fmt: skip
+
+_OWN_COMMANDS = {"sweep": RunSweep, "track": RunTrack, "colors": RunColors}
+"""Those that read no scenario, or one in a way of their own."""
 
 
 class UserError(Exception):
@@ -66,15 +80,17 @@ def RunCommand(options: argparse.Namespace) -> int:
         UserError: On bad input; the message is for the person who gave it.
     """
     try:
-        if options.command == "sweep":
-            return RunSweep(options)
+        if options.command in _OWN_COMMANDS:
+            return _OWN_COMMANDS[options.command](options)
         if options.command == "reproduce":
             _CheckFiles(options)
             return RunReproduce(options)
         _CheckFiles(options)
         scenario = _LoadScenario(options)
         folder = MakeOutputFolder(options.out)
-        {"run": _Run, "compare": _Compare}[options.command](options, scenario, folder)
+        {"run": _Run, "compare": _Compare, "record": _Record}[options.command](
+            options, scenario, folder
+        )
         return 0
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
@@ -86,7 +102,7 @@ def RunCommand(options: argparse.Namespace) -> int:
 def _CheckFiles(options: argparse.Namespace) -> None:
     """Finds out before any long work whether the wanted files can be written."""
     for option, path, suffixes in (
-        ("--graphviz", options.graphviz, (".svg", ".png")),
+        ("--graphviz", getattr(options, "graphviz", None), (".svg", ".png")),
         ("--replay", getattr(options, "replay", None), (".html",)),
     ):
         if path is None:
@@ -105,7 +121,7 @@ def _LoadScenario(options: argparse.Namespace) -> Scenario:
         value = getattr(options, name, None)
         if value is not None:
             setattr(scenario, name, value)
-    if options.command == "run" and options.omega is not None:
+    if options.command in ("run", "record") and options.omega is not None:
         scenario.hand_path.omega = options.omega
     scenario.Validate()
     return scenario
@@ -125,6 +141,14 @@ def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
     stages = ", ".join(f"{name} {ms:.2f}" for name, ms in row["stages_ms"].items())
     print(f"Wall time a frame [ms]: {stages}.")
     _SayWhere(folder)
+
+
+def _Record(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
+    with _TimeBar(scenario.duration) as on_frame:
+        result = Record(scenario, folder, on_frame=on_frame)
+    print(f"{len(result.time)} frames. To track them as they were tracked just now:")
+    print(TrackCommand(scenario, folder))
+    print(f"Recording: {folder}/")
 
 
 def _SimulateOne(

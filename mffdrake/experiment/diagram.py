@@ -21,6 +21,7 @@ from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.target import (
     AddTarget,
     CalcDesiredPose,
+    FindScenarioMesh,
     FindTargetMesh,
     LoadSolid,
     WarnOutside,
@@ -52,12 +53,7 @@ def CheckScenario(scenario: Scenario) -> None:
     """
     scenario.Validate()
     SolveHandPath(MakePa10Plant(), scenario.hand_path.Make(), duration=scenario.duration)
-    plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=scenario.timing.control_period), DiagramBuilder()
-    )
-    target = AddTarget(plant, scenario)
-    plant.Finalize()
-    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    mesh = FindScenarioMesh(scenario)
     WarnOutside(scenario, LoadSolid(mesh, scenario), MakeRig(scenario))
 
 
@@ -170,7 +166,13 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         model_instance=arm_instance,
     )
     solid = LoadSolid(mesh, scenario)
-    tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
+    tracker = MakeTracker(
+        scenario.recognizer,
+        solid=solid,
+        rig=rig,
+        seed=scenario.seed,
+        start_pose=CalcDesiredPose(scenario, 0.0),
+    )
     WarnOutside(scenario, solid, rig)
     recognizer = builder.AddNamedSystem(
         "recognizer", OneStepGaRecognizer(tracker=tracker, timing=timing)

@@ -1,4 +1,4 @@
-"""The command line: ``mffdrake run``, ``compare``, ``sweep`` and ``reproduce``."""
+"""The command line: ``mffdrake run``, ``compare``, ``track`` and the others."""
 
 from __future__ import annotations
 
@@ -69,7 +69,9 @@ def _MakeParser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('mffdrake')}")
     commands = parser.add_subparsers(
-        dest="command", required=True, metavar="run|compare|sweep|reproduce"
+        dest="command",
+        required=True,
+        metavar="run|compare|sweep|reproduce|track|colors|record",
     )
     run = commands.add_parser("run", parents=pictures, help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
@@ -121,7 +123,81 @@ def _MakeParser() -> argparse.ArgumentParser:
         help="one seed, the flat renderer alone, and a few of the studies",
     )  # fmt: skip
     _AddPlaces(reproduce, "the number of cores")
+    _AddImageCommands(commands)
+    record = commands.add_parser(
+        "record", parents=[common, renderer],
+        help="images, rig and motion from a scenario, for track",
+        description="Runs a scenario and writes its cameras' images, rig file, motion and true "
+        "poses to --out, and prints the command that tracks them.",
+    )  # fmt: skip
+    record.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
+    record.add_argument("--omega", metavar="W", type=float, help="speed of the path [rad/s]")
     return parser
+
+
+def _AddImageCommands(commands: Any) -> None:
+    """Adds the commands that work on images: track and colors."""
+    images = _Parser(add_help=False)
+    add = images.add_argument
+    add("--rig", metavar="RIG.yaml", required=True, help="file with the cameras")
+    add("--target", metavar="MESH", required=True, help="mesh with a material a face, e.g. OBJ")
+    add("--verbose", action="store_true", help="say more on the way")
+    track = commands.add_parser(
+        "track", parents=[images], help="poses from your images, calibrations and mesh",
+        description="Recognizes the target's pose in every frame of recorded images. Writes "
+        "poses.csv, poses.tum, track.json and pictures to --out.",
+    )  # fmt: skip
+    add = track.add_argument
+    add(
+        "--images", metavar="NAME=SOURCE", nargs="+", required=True,
+        help="a camera's images: a folder, a pattern in quotes, a video or a file",
+    )  # fmt: skip
+    add("--colors", metavar="FILE", help="how the materials look, from 'mffdrake colors'")
+    add(
+        "--motion", metavar="FILE",
+        help="the rig's pose in the world, a line 'time x y z qx qy qz qw' a frame; switches "
+        "motion feedforward on",
+    )  # fmt: skip
+    add(
+        "--start", metavar="FILE|random",
+        help="file with the first frame's pose, a line 'x y z qx qy qz qw'; or random",
+    )  # fmt: skip
+    add(
+        "--generations", metavar="N", type=_Positive(int),
+        help="search the first frame's images until N generations or convergence",
+    )  # fmt: skip
+    add("--stride", metavar="N", type=_Positive(int), default=1, help="every N-th frame only")
+    add(
+        "--rate", metavar="HZ", type=_Positive(float), default=30.0,
+        help="frames a second, where no motion tells their times (default: 30)",
+    )  # fmt: skip
+    add("--seed", metavar="N", type=_NotNegative, default=0, help="of the random numbers")
+    add(
+        "--recognizer", metavar="YAML",
+        help="keys of a scenario's section recognizer, or a file with them, e.g. "
+        "'{refinement: borders, search_range: {z: [0, 0.3]}}'",
+    )  # fmt: skip
+    add(
+        "--overlay", metavar="images|video", nargs="?", const="images",
+        choices=["images", "video"], help="draw the outline over every frame (default: images)",
+    )  # fmt: skip
+    add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
+    colors = commands.add_parser(
+        "colors", parents=[images], help="learn how the target's materials look",
+        description="Learns the mean hue and the spread of each of the target's materials from "
+        "example images, one a camera.",
+    )  # fmt: skip
+    add = colors.add_argument
+    add("--images", metavar="NAME=FILE", nargs="+", required=True, help="a camera's image")
+    where = colors.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--masks", metavar="MATERIAL=NAME:FILE", nargs="+",
+        help="an image of a camera's size that marks a material's pixels",
+    )  # fmt: skip
+    where.add_argument(
+        "--pose", metavar="FILE", help="the target's pose, a line 'x y z qx qy qz qw'"
+    )
+    add("--out", metavar="FILE", default="colors.yaml", help="default: colors.yaml")
 
 
 def _NotNegative(text: str) -> int:
@@ -178,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _NeedsWorkers(options: argparse.Namespace) -> bool:
-    if options.command == "run" or options.scheduler:
+    if options.command not in ("compare", "sweep", "reproduce") or options.scheduler:
         return False
     return options.command in ("sweep", "reproduce") or (options.workers or 1) > 1
 

@@ -11,9 +11,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
+from mffdrake.experiment.scenario_sections import RecognizerConfig
 from mffdrake.recognition import (
+    AdaptiveWhiteBalance,
     BorderRefiner,
     CameraRig,
+    ColorModel,
+    FixedWhiteBalance,
     Matcher,
     NearStart,
     NoRefinement,
@@ -33,28 +37,40 @@ __all__ = ["AddEncoders", "AddSceneRenderer", "MakeRig", "MakeController", "Make
 
 
 def MakeTracker(
-    scenario: Scenario, solid: SolidModel, start_pose: NDArray[np.float64]
+    config: RecognizerConfig,
+    *,
+    solid: SolidModel,
+    rig: CameraRig,
+    seed: int,
+    start_pose: NDArray[np.float64],
+    colors: ColorModel | None = None,
 ) -> OneStepGaTracker:
-    """The scenario's tracker for a solid.
+    """The tracker that a scenario's section describes.
 
     Args:
-        scenario: Its ``recognizer``, ``camera`` and ``seed`` count.
+        config: The section.
         solid: The object to recognize.
+        rig: The cameras.
+        seed: Of the random numbers.
         start_pose: Where the first population lies for ``start: near_target``: the target's pose
-            vector in the right camera, shape (6,).
+            vector in the rig's frame, shape (6,).
+        colors: How the solid's materials look; by default as its mesh has them.
 
     Returns:
         The tracker.
+
+    Raises:
+        ValueError: When the colors lack one of the solid's materials.
     """
-    config = scenario.recognizer
     position_spread, quaternion_spread = config.start_spread
     starts: dict[str, Start] = {
         "random": RandomStart(),
         "near_target": NearStart(start_pose, (position_spread, quaternion_spread)),
     }
     model = SearchModel(solid, config.MakeSampling())
-    matcher = Matcher(model, MakeRig(scenario), config.MakeMatching())
+    matcher = Matcher(model, rig, config.MakeMatching(), colors)
     refiners: dict[str, Refiner] = {"none": NoRefinement(), "borders": BorderRefiner(matcher)}
+    rate = config.white_balance_rate
     return OneStepGaTracker(
         matcher=matcher,
         coding=config.MakeCoding(),
@@ -63,7 +79,8 @@ def MakeTracker(
         generations_per_frame=config.generations_per_frame,
         start=starts[config.start],
         refiner=refiners[config.refinement],
-        seed=scenario.seed,
+        white_balance=AdaptiveWhiteBalance(rate) if rate > 0.0 else FixedWhiteBalance(),
+        seed=seed,
     )
 
 

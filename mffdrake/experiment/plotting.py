@@ -24,6 +24,7 @@ __all__ = [
     "PlotHandPath",
     "PlotPose",
     "PlotToFile",
+    "PlotTrack",
     "SaveFigure",
 ]
 
@@ -211,6 +212,22 @@ def PlotComparison(rows: Sequence[dict[str, Any]]) -> Figure:
     axes[0, 0].legend()
     window = f"after the first {SETTLED_AFTER:g} s" if settled else "all frames"
     figure.suptitle(f"Medians over the seeds (points: single seeds), {window}")
+    return figure
+
+
+def PlotTrack(
+    times: NDArray[np.float64], poses: NDArray[np.float64], fitness: NDArray[np.float64]
+) -> Figure:
+    """Recognized poses and their fitness over time.
+
+    Args:
+        times: Of the frames [s], shape (K,).
+        poses: Pose vectors ``(r [m], eps)`` in the rig's frame, shape (K, 6).
+        fitness: Their fitness, shape (K,).
+    """
+    figure, axes = _SixPanels(f"Recognized pose; mean fitness {fitness.mean():.3f}")
+    for k, (axis, (_, scale)) in enumerate(zip(axes, _COORDINATES, strict=True)):
+        axis.plot(times, scale * poses[:, k], color="tab:blue", linewidth=1.0)
     return figure
 
 

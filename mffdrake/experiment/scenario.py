@@ -6,6 +6,7 @@ import copy
 import dataclasses as dc
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from mffdrake.experiment.scenario_sections import (
 from mffdrake.systems.pd_controller import PD_GAINS
 from mffdrake.systems.renderers import RENDERERS
 
-__all__ = ["METHODS", "LoadScenario", "Scenario", "ScenarioError", "WithSeed"]
+__all__ = ["METHODS", "LoadRecognizer", "LoadScenario", "Scenario", "ScenarioError", "WithSeed"]
 
 METHODS = ("ga", "mff")
 """The methods: the plain 1-step GA, and the same with motion feedforward."""
@@ -91,9 +92,7 @@ class Scenario:
         """
         _Choice("method", self.method, METHODS)
         _Choice("renderer", self.renderer, tuple(RENDERERS))
-        _Choice("recognizer.start", self.recognizer.start, ("random", "near_target"))
-        _Choice("recognizer.refinement", self.recognizer.refinement, ("none", "borders"))
-        _Choice("recognizer.coding", self.recognizer.coding, ("binary", "gray"))
+        _CheckRecognizer(self.recognizer)
         _Choice("predictor.mode", self.predictor.mode, ("rigid", "velocity"))
         _Choice("controller.gains", self.controller.gains, tuple(PD_GAINS))
         _Require(0 < self.duration < math.inf, "duration", self.duration, "must be positive")
@@ -123,15 +122,6 @@ class Scenario:
         fov = self.camera.fov_y_deg
         _Require(0 < fov < 180, "camera.fov_y_deg", fov, "must be between 0 and 180")
         _Length("camera.p_EC", self.camera.p_EC, 3)
-        spread = self.recognizer.start_spread
-        _Length("recognizer.start_spread", spread, 2)
-        _Require(min(spread) >= 0, "recognizer.start_spread", spread, "must be at least 0")
-        _Require(
-            self.recognizer.generations_per_frame >= 1,
-            "recognizer.generations_per_frame",
-            self.recognizer.generations_per_frame,
-            "must be at least 1",
-        )
         for name in ("kp", "kd"):
             gains = getattr(self.controller, name)
             if gains is not None:
@@ -140,17 +130,8 @@ class Scenario:
         for section, make in (
             ("hand_path", self.hand_path.Make),
             ("timing", self.timing.Make),
-            ("recognizer", self.recognizer.MakeCoding),
-            ("recognizer", self.recognizer.MakeParameters),
-            ("recognizer.sampling", self.recognizer.MakeSampling),
-            ("recognizer.matching", self.recognizer.MakeMatching),
-            ("recognizer.local_moves", self.recognizer.MakeLocalMoves),
         ):
-            try:
-                make()
-            except ValueError as error:
-                message = str(error).removeprefix(f"{section.rpartition('.')[2]}: ")
-                raise ScenarioError(f"{section}: {message}") from error
+            _CheckMaking(section, make)
         for section, latency in (
             ("camera", self.camera.latency),
             ("predictor", self.predictor.latency or 0.0),
@@ -161,6 +142,10 @@ class Scenario:
                 raise ScenarioError(f"{section}.{error}") from error
         noise = self.encoders.noise_deg
         _Require(0 <= noise < math.inf, "encoders.noise_deg", noise, "must be at least 0")
+        z = self.recognizer.search_range.z
+        _Require(
+            z[0] > 0, "recognizer.search_range.z", z, "must lie in front of the camera (above 0 m)"
+        )
         error_deg = self.predictor.hand_eye_error_deg
         _Length("predictor.hand_eye_error_deg", error_deg, 3)
         _Require(
@@ -220,6 +205,31 @@ def LoadScenario(
     return scenario
 
 
+def LoadRecognizer(text: str) -> RecognizerConfig:
+    """Reads a scenario's section ``recognizer`` by itself.
+
+    Args:
+        text: YAML with the section's keys.
+
+    Returns:
+        The checked section. Its search range may lie anywhere, as a rig's frame may.
+
+    Raises:
+        ScenarioError: When a key is unknown or a value has the wrong type or range.
+
+    Example:
+        >>> LoadRecognizer("{refinement: borders, search_range: {z: [-0.1, 0.2]}}").refinement
+        'borders'
+    """
+    data = ReadYaml(text)
+    CheckKeysAndTypes(data, RecognizerConfig, "recognizer")
+    config = RecognizerConfig()
+    if data:
+        config = yaml_load_typed(schema=RecognizerConfig, data=text, defaults=config)
+    _CheckRecognizer(config)
+    return config
+
+
 def WithSeed(dumped: str, seed: int) -> str:
     """A dumped scenario with another seed; reading and writing it takes some milliseconds.
 
@@ -246,6 +256,39 @@ def _AddNulls(data: dict[str, Any], config: object) -> None:
             data[field.name] = None
         elif dc.is_dataclass(value):
             _AddNulls(data[field.name], value)
+
+
+def _CheckRecognizer(config: RecognizerConfig) -> None:
+    """Checks the ranges of the section ``recognizer``."""
+    _Choice("recognizer.start", config.start, ("random", "near_target"))
+    _Choice("recognizer.refinement", config.refinement, ("none", "borders"))
+    _Choice("recognizer.coding", config.coding, ("binary", "gray"))
+    spread = config.start_spread
+    _Length("recognizer.start_spread", spread, 2)
+    _Require(min(spread) >= 0, "recognizer.start_spread", spread, "must be at least 0")
+    generations = config.generations_per_frame
+    _Require(
+        generations >= 1, "recognizer.generations_per_frame", generations, "must be at least 1"
+    )
+    rate = config.white_balance_rate
+    _Require(0 <= rate < math.inf, "recognizer.white_balance_rate", rate, "must be at least 0")
+    for section, make in (
+        ("recognizer", config.MakeCoding),
+        ("recognizer", config.MakeParameters),
+        ("recognizer.sampling", config.MakeSampling),
+        ("recognizer.matching", config.MakeMatching),
+        ("recognizer.local_moves", config.MakeLocalMoves),
+    ):
+        _CheckMaking(section, make)
+
+
+def _CheckMaking(section: str, make: Callable[[], object]) -> None:
+    """Makes what a section describes, which checks ranges of its own."""
+    try:
+        make()
+    except ValueError as error:
+        message = str(error).removeprefix(f"{section.rpartition('.')[2]}: ")
+        raise ScenarioError(f"{section}: {message}") from error
 
 
 def _Require(condition: bool, key: str, value: object, rule: str) -> None:

@@ -154,6 +154,7 @@ class SamplingConfig:
     """How densely the solid is sampled [m]; see `SamplingParameters`."""
 
     spacing: float = SamplingParameters.spacing
+    min_cells: int = SamplingParameters.min_cells
     margin: float | None = SamplingParameters.margin
     strip_offsets: list[float] = _List(SamplingParameters.strip_offsets)
 
@@ -165,6 +166,7 @@ class MatchingConfig:
     hue_tolerance_deg: float = MatchingParameters.hue_tolerance_deg
     min_saturation: float = MatchingParameters.min_saturation
     min_value: float = MatchingParameters.min_value
+    min_chroma: float = MatchingParameters.min_chroma
     min_cosine: float = MatchingParameters.min_cosine
     min_border_distance: float = MatchingParameters.min_border_distance
 
@@ -214,6 +216,8 @@ class RecognizerConfig:
         search_range: Least and greatest of x, y, z [m], eps1, eps2, eps3.
         refinement: "none" (the paper's), or "borders": every frame's pose is refined to parts of a
             pixel, see `BorderRefiner`.
+        white_balance_rate: Greatest relative change a frame by which the color channels' gains follow
+            the light while tracking is sure, see `AdaptiveWhiteBalance`; 0 for fixed ones.
         start: First population: "random" over the range, or "near_target" (as the paper's).
         start_spread: Its standard deviations when near the target: position [m] and quaternion.
         sampling: How densely the solid is sampled, see `SamplingParameters`.
@@ -233,6 +237,7 @@ class RecognizerConfig:
     average_best: bool = GeneticParameters.average_best
     search_range: SearchRangeConfig = dc.field(default_factory=SearchRangeConfig)
     refinement: str = "none"
+    white_balance_rate: float = 0.0
     start: str = "random"
     start_spread: list[float] = _List(NearStart.spread)
     sampling: SamplingConfig = dc.field(default_factory=SamplingConfig)

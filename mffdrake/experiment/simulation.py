@@ -106,6 +106,7 @@ def Simulate(
     *,
     diagram: Diagram | None = None,
     on_frame: Callable[[float, float], None] | None = None,
+    on_exposure: Callable[[Context], None] | None = None,
 ) -> SimulationResult:
     """Runs a scenario from time 0 to its duration and records every frame.
 
@@ -113,6 +114,8 @@ def Simulate(
         scenario: What to simulate.
         diagram: The diagram of this very scenario, where it is built already.
         on_frame: Called after every frame with its simulated time and the wall time so far [s].
+        on_exposure: Called at every frame with the diagram's context, just before the recognizer
+            reads the images.
 
     Returns:
         The record.
@@ -128,7 +131,9 @@ def Simulate(
     """
     if diagram is None:
         with _OwnDiagram(scenario) as diagram:
-            return Simulate(scenario, diagram=diagram, on_frame=on_frame)
+            return Simulate(
+                scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure
+            )
     timing = scenario.timing.Make()
     simulator = Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())
@@ -136,6 +141,8 @@ def Simulate(
     for frame in range(timing.NumFrames(scenario.duration)):
         tick = frame * timing.ticks_per_frame
         # Events at this time run in the next step, so the state here is the one the frame shows.
+        if on_exposure is not None:
+            on_exposure(simulator.get_context())
         recorder.RecordTruth(timing.TimeOfTick(tick))
         simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
         recorder.RecordRecognition()

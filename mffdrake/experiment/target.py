@@ -10,15 +10,23 @@ from numpy.typing import NDArray
 from pydrake.geometry import Mesh, Role, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import Body
+from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.models import ConfigureParser
 
-__all__ = ["AddTarget", "CalcDesiredPose", "FindTargetMesh", "LoadSolid", "WarnOutside"]
+__all__ = [
+    "AddTarget",
+    "CalcDesiredPose",
+    "FindScenarioMesh",
+    "FindTargetMesh",
+    "LoadSolid",
+    "WarnOutside",
+]
 
 _log = logging.getLogger("mffdrake")
 
@@ -95,6 +103,30 @@ def FindTargetMesh(scene_graph: SceneGraph, plant: MultibodyPlant, target: Body,
     if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
         raise ScenarioError(f"target.model {name}: the mesh must lie at the body's origin")
     return Path(shapes[0].source().path())
+
+
+def FindScenarioMesh(scenario: Scenario) -> Path:
+    """The mesh file of a scenario's target, found without building the rest.
+
+    Args:
+        scenario: Its ``target`` counts.
+
+    Returns:
+        The mesh file.
+
+    Raises:
+        ScenarioError: See `AddTarget` and `FindTargetMesh`.
+
+    Example:
+        >>> FindScenarioMesh(Scenario()).name
+        'target_box.obj'
+    """
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(time_step=scenario.timing.control_period), DiagramBuilder()
+    )
+    target = AddTarget(plant, scenario)
+    plant.Finalize()
+    return FindTargetMesh(scene_graph, plant, target, scenario.target.model)
 
 
 def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:

@@ -14,6 +14,7 @@ from mffdrake.recognition.genetic import (
 )
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import Matcher, MatchingParameters
+from mffdrake.recognition.pose_tracker import Estimate, PoseTracker
 from mffdrake.recognition.refinement import (
     BorderRefiner,
     NoRefinement,
@@ -21,6 +22,7 @@ from mffdrake.recognition.refinement import (
     RefinementParameters,
     Refiner,
 )
+from mffdrake.recognition.search import Found, PoseSearch, SearchParameters
 from mffdrake.recognition.solid_model import (
     BLUE,
     GREEN,
@@ -29,19 +31,36 @@ from mffdrake.recognition.solid_model import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker, RandomStart, Start
+from mffdrake.recognition.tracker import (
+    ColoredStart,
+    Generation,
+    NearStart,
+    OneStepGaTracker,
+    RandomStart,
+    Start,
+)
+from mffdrake.recognition.white_balance import (
+    AdaptiveWhiteBalance,
+    FixedWhiteBalance,
+    WhiteBalance,
+)
 
 __all__ = [
     "BLUE",
     "GREEN",
     "POSE_COORDINATES",
     "RED",
+    "AdaptiveWhiteBalance",
     "BorderRefiner",
     "Camera",
     "CameraRig",
     "ColorModel",
+    "ColoredStart",
     "Distortion",
+    "Estimate",
     "FaceColor",
+    "FixedWhiteBalance",
+    "Found",
     "GeneCoding",
     "Generation",
     "GeneticAlgorithm",
@@ -53,13 +72,17 @@ __all__ = [
     "NearStart",
     "NoRefinement",
     "OneStepGaTracker",
+    "PoseSearch",
+    "PoseTracker",
     "RandomStart",
     "Refinement",
     "RefinementParameters",
     "Refiner",
     "SamplingParameters",
     "SearchModel",
+    "SearchParameters",
     "SearchRange",
     "SolidModel",
     "Start",
+    "WhiteBalance",
 ]

@@ -366,7 +366,7 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
             find_visible(placed, solid, rules.min_cosine, visible)
             z = placed.p[2]
             pixels_a_unit = magnification(eye.lens, placed.p[0] / z, placed.p[1] / z)
-            scale = rules.min_border_distance / pixels_a_unit
+            scale = (rules.min_border_distance + eye.calibration_error) / pixels_a_unit
             # Lambda of Eq. (21): the inside points of the visible faces
             count = _place_inside(visible, scale, placed, solid, samples, scratch)
             end = _place_strip(count, visible, scale, placed, solid, samples, scratch)

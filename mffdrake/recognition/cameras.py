@@ -104,8 +104,8 @@ class Camera:
         R_CK: Its orientation in the rig's frame C, shape (3, 3).
         p_CK: Its position in the rig's frame C [m], shape (3,).
         calibration_error: Standard deviation [px] by which all that it shows may be off together,
-            along u and v: what its calibration leaves. It counts in the covariance of refined poses
-            and widens what passes for a good fit.
+            along u and v: what its calibration leaves. It counts in the covariance of refined poses,
+            and points so much nearer to a border do not tell on which side they are.
 
     Raises:
         ValueError: When a size or a focal length is not positive, a number not finite, or R_CK no

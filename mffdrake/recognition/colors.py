@@ -26,6 +26,7 @@ Bits = NDArray[np.uint32]
 _BITS = 6  # of each channel in the look-up table
 _MOST_COLORS = 32
 _LEAST_TOLERANCE = math.radians(5.0)
+_LEAST_CUT = math.radians(15.0)
 _LEAST_PIXELS = 20
 
 ChannelOrder = Literal["rgb", "bgr"]
@@ -311,7 +312,9 @@ def learn_color(name: str, pixels: ArrayLike, gates: ColorModel) -> FaceColor:
     mean = float(np.angle(np.exp(1j * hue).mean()))
     for _ in range(10):
         away = np.remainder(hue - mean + math.pi, 2.0 * math.pi) - math.pi
-        spread = max(1.4826 * float(np.median(np.abs(away))), math.radians(0.5))
-        kept = away[np.abs(away - np.median(away)) <= 4.0 * spread]
+        middle = float(np.median(away))
+        # Most pixels of a saturated face may have one hue and some another: no cut below 15 deg.
+        cut = max(4.0 * 1.4826 * float(np.median(np.abs(away - middle))), _LEAST_CUT)
+        kept = away[np.abs(away - middle) <= cut]
         mean += float(kept.mean())
     return FaceColor(name, mean, min(math.pi, max(3.0 * float(kept.std()), _LEAST_TOLERANCE)))

@@ -30,16 +30,16 @@ class SearchRange:
     """The box of poses which the genes span, as (least, greatest) of every coordinate.
 
     Attributes:
-        x: Target's position to the right in the right camera's frame [m].
-        y: Its position downward [m].
-        z: Its distance along the line of sight [m].
+        x: Target's position in the rig's frame [m]; for the stereo pair to the right.
+        y: For the stereo pair downward [m].
+        z: For the stereo pair along the line of sight [m].
         eps1: First component of its quaternion's vector part.
         eps2: Second component.
         eps3: Third component.
 
     Raises:
-        ValueError: When a coordinate's bounds are not in order, z is not in front of the camera, or
-            the quaternion's components leave [-1, 1].
+        ValueError: When a coordinate's bounds are not in order, or the quaternion's components
+            leave [-1, 1].
 
     Example:
         >>> SearchRange(x=(-0.2, 0.2)).lower
@@ -61,10 +61,6 @@ class SearchRange:
                 raise ValueError(f"search_range: {name} must be [least, greatest], not {bounds}")
             if name.startswith("eps") and (min(bounds) < -1 or max(bounds) > 1):
                 raise ValueError(f"search_range: {name} must lie within [-1, 1], not {bounds}")
-        if not self.z[0] > 0:
-            raise ValueError(
-                f"search_range: z must lie in front of the camera (above 0 m), not {self.z}"
-            )
 
     @property
     def lower(self) -> Array:

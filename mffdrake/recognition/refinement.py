@@ -118,6 +118,7 @@ class Refinement:
         covariance: Covariance of the error of ``pose``, shape (6, 6); NaN where it is not refined.
         fitness: Fitness of ``pose``; NaN where there was no need to know it.
         num_borders: Number of borders that were found.
+        explained: Share of the places where a border was sought that show one.
         num_jumps: Number of places where a border jumps to the next pixel.
         trusted: Mean robust weight of the borders, 0 to 1.
         residual: Root of the mean squared distance of the trusted borders from the edges [px].
@@ -131,6 +132,7 @@ class Refinement:
     covariance: Array = field(default_factory=lambda: np.full((6, 6), math.nan))
     fitness: float = math.nan
     num_borders: int = 0
+    explained: float = 0.0
     num_jumps: int = 0
     trusted: float = 0.0
     residual: float = math.nan
@@ -252,7 +254,8 @@ class BorderRefiner:
             if fitness < least - self.parameters.fitness_tolerance:
                 reason = "less fit"
         found = {
-            "num_borders": result.num_borders, "num_jumps": result.num_jumps,
+            "num_borders": result.num_borders,
+            "explained": result.num_borders / max(1, result.sought), "num_jumps": result.num_jumps,
             "trusted": trusted, "residual": result.scale, "hardness": result.hardness,
         }  # fmt: skip
         if reason:

@@ -144,7 +144,7 @@ class PoseSearch:
                             population.best, self.tracker.matcher.solid, self._turns
                         )
                     population = self._breeder.track(
-                        population, images, frame=number, gains=gains, proposals=proposals
+                        population, images, frame=number, proposals=proposals
                     )
                 count += 1
                 fitness = float(population.fitness[0])
@@ -155,26 +155,27 @@ class PoseSearch:
                     on_generation(count, top)
             assert population is not None
             ends.append(population)
-            if self._agreeing(ends) >= p.agreement:
+            if len(self._agreeing(ends)) >= p.agreement:
                 break
-        fittest = max(ends, key=lambda end: float(end.fitness[0]))
+        agreeing = self._agreeing(ends)
+        # Where the fittest cannot be refined, one that agrees with it may be.
+        refined = [self.tracker.refine(end, images) for end in agreeing]
+        sure = [end for end in refined if end.covariance is not None]
         return Found(
-            self.tracker.refine(fittest, images, gains=gains),
-            count,
-            len(ends),
-            self._agreeing(ends) >= p.agreement,
+            (sure or refined)[0], count, len(ends), len(agreeing) >= p.agreement
         )
 
     @cached_property
     def _turns(self) -> Array:
         return find_turns(self.tracker.matcher.solid)
 
-    def _agreeing(self, ends: list[Generation]) -> int:
-        """How many rounds ended at the fittest pose."""
+    def _agreeing(self, ends: list[Generation]) -> list[Generation]:
+        """The rounds that ended at the fittest pose, the fittest first."""
         p, vertices = self.parameters, self.tracker.matcher.solid.vertices
         size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        ends = sorted(ends, key=lambda end: -float(end.fitness[0]))
         poses = np.array([end.best for end in ends])
-        fittest = poses[np.argmax([end.fitness[0] for end in ends])]
-        near = np.linalg.norm(poses[:, :3] - fittest[:3], axis=1) <= p.same_position * size
-        turned = np.degrees(rotation_angle(poses[:, 3:], fittest[3:]))
-        return int((near & (turned <= p.same_rotation_deg)).sum())
+        near = np.linalg.norm(poses[:, :3] - poses[0, :3], axis=1) <= p.same_position * size
+        turned = np.degrees(rotation_angle(poses[:, 3:], poses[0, 3:]))
+        same = near & (turned <= p.same_rotation_deg)
+        return [end for end, agrees in zip(ends, same, strict=True) if agrees]

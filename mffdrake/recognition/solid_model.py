@@ -212,6 +212,8 @@ class SamplingParameters:
 
     Attributes:
         spacing: Largest distance between neighboring points on a face and along an edge [m].
+        min_cells: Small faces and short edges are sampled more closely, so that points part them
+            into at least so many pieces along each of their directions.
         margin: Distance of the outermost inside points from their face's edges [m]; None puts
             the points at the centers of equal cells.
         strip_offsets: Distances of the outside strip's rows from the silhouette [m].
@@ -221,6 +223,7 @@ class SamplingParameters:
     """
 
     spacing: float = 0.020
+    min_cells: int = 5
     margin: float | None = 0.0015
     strip_offsets: tuple[float, ...] = (0.0015, 0.006, 0.020)
 
@@ -228,6 +231,8 @@ class SamplingParameters:
         """Checks that every length is positive."""
         if not self.spacing > 0:
             raise ValueError(f"spacing must be positive, not {self.spacing} m")
+        if not self.min_cells >= 1:
+            raise ValueError(f"min_cells must be at least 1, not {self.min_cells}")
         if self.margin is not None and not self.margin > 0:
             raise ValueError(f"margin must be positive or null, not {self.margin} m")
         if not self.strip_offsets or not all(offset > 0 for offset in self.strip_offsets):
@@ -286,7 +291,7 @@ class SearchModel:
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         self.edge_directions: Array = (ends[:, 1] - ends[:, 0]) / lengths[:, None]
         along = [
-            start + _cells(length, sampling.spacing)[:, None] * direction
+            start + _cells(length, sampling, margin=None)[:, None] * direction
             for start, length, direction in zip(
                 ends[:, 0], lengths, self.edge_directions, strict=True
             )
@@ -296,15 +301,15 @@ class SearchModel:
         self.strip_offsets: Array = np.array(sampling.strip_offsets)
 
 
-def _cells(length: float, spacing: float, margin: float | None = None) -> Array:
+def _cells(length: float, sampling: SamplingParameters, margin: float | None) -> Array:
     """Coordinates along a side: cell centers, or evenly from margin to length - margin."""
-    if margin is None:
-        n = max(1, math.ceil(length / spacing - 1e-9))
-        return (np.arange(n) + 0.5) * length / n
-    inner = length - 2.0 * margin
+    inner = length - 2.0 * (margin or 0.0)
     if inner <= 0:
         return np.array([0.5 * length])
-    return np.linspace(margin, length - margin, math.ceil(inner / spacing - 1e-9) + 1)
+    count = max(sampling.min_cells, math.ceil(inner / sampling.spacing - 1e-9))
+    if margin is None:
+        return (np.arange(count) + 0.5) * length / count
+    return np.linspace(margin, length - margin, count + 1)
 
 
 def _face_points(corners: Array, sampling: SamplingParameters) -> Array:
@@ -317,8 +322,8 @@ def _face_points(corners: Array, sampling: SamplingParameters) -> Array:
     y = np.cross(normal, x)
     polygon = np.column_stack([arm @ x, arm @ y])
     low, high = polygon.min(axis=0), polygon.max(axis=0)
-    u = low[0] + _cells(high[0] - low[0], sampling.spacing, sampling.margin)
-    v = low[1] + _cells(high[1] - low[1], sampling.spacing, sampling.margin)
+    u = low[0] + _cells(high[0] - low[0], sampling, sampling.margin)
+    v = low[1] + _cells(high[1] - low[1], sampling, sampling.margin)
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     side = np.roll(polygon, -1, axis=0) - polygon
     side /= np.linalg.norm(side, axis=1, keepdims=True)

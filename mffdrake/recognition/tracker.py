@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +13,7 @@ from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticPa
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.refinement import NoRefinement, Refiner
+from mffdrake.recognition.white_balance import FixedWhiteBalance, WhiteBalance
 
 if TYPE_CHECKING:
     from mffdrake.recognition._kernels import Scene
@@ -98,11 +100,13 @@ class Generation:
         fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
             whatever its fitness.
         covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
+        gains: White balance for the next frame: what red, green and blue are multiplied with.
     """
 
     poses: Array
     fitness: Array
     covariance: Array | None = None
+    gains: Gains = NO_GAINS
 
     @property
     def best(self) -> Array:
@@ -130,6 +134,9 @@ class OneStepGaTracker:
             It takes the place of the population's last individual and becomes the first one, and
             the next frame's children are drawn around it. It is never rounded to genes, so nothing
             of its accuracy is lost on the way to the next frame.
+        white_balance: Follows the light's color on frames whose pose is sure: refined or, without
+            a refiner, of a fitness above ``sure_fitness``.
+        sure_fitness: From there on the white balance trusts an unrefined pose (0 to 1).
         seed: Of the random numbers, at least 0.
 
     Raises:
@@ -153,6 +160,8 @@ class OneStepGaTracker:
     generations_per_frame: int = 1
     start: Start = field(default_factory=RandomStart)
     refiner: Refiner = field(default_factory=NoRefinement)
+    white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
+    sure_fitness: float = 0.6
     seed: int = 0
     _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
@@ -189,7 +198,7 @@ class OneStepGaTracker:
         """
         scene = self.matcher.scene(images, gains)
         candidates = self.start.draw(self._algorithm, self._rng(frame), self.matcher, scene)
-        return self.refine(self._select(candidates, scene), images, gains=gains)
+        return self._finish(self._select(candidates, scene), images, gains)
 
     def track(
         self,
@@ -197,7 +206,6 @@ class OneStepGaTracker:
         images: Images,
         *,
         frame: int,
-        gains: Gains = NO_GAINS,
         proposals: ArrayLike | None = None,
     ) -> Generation:
         """Advances by one frame.
@@ -208,7 +216,6 @@ class OneStepGaTracker:
                 the first pose as it is.
             images: One a camera, uint8, shape (height, width, 3 or 4).
             frame: Number of the frame, which the random numbers depend on.
-            gains: White balance.
             proposals: Further pose vectors that the first generation tries, shape (K, 6).
 
         Returns:
@@ -220,6 +227,7 @@ class OneStepGaTracker:
         expected = (self.parameters.population_size, 6)
         if np.shape(generation.poses) != expected:
             raise ValueError(f"poses must have shape {expected}, not {np.shape(generation.poses)}")
+        gains = generation.gains
         rng, scene = self._rng(frame), self.matcher.scene(images, gains)
         center = None if generation.covariance is None else generation.best
         for _ in range(self.generations_per_frame):
@@ -227,26 +235,32 @@ class OneStepGaTracker:
             if proposals is not None:
                 candidates, proposals = np.concatenate([candidates, proposals]), None
             generation, center = self._select(candidates, scene), None
-        return self.refine(generation, images, gains=gains)
+        return self._finish(generation, images, gains)
 
-    def refine(
-        self, generation: Generation, images: Images, *, gains: Gains = NO_GAINS
-    ) -> Generation:
+    def refine(self, generation: Generation, images: Images) -> Generation:
         """Puts the refined best pose first, where there is one.
 
         Args:
             generation: A population scored on these images.
             images: One a camera, uint8, shape (height, width, 3 or 4).
-            gains: White balance.
         """
-        refined = self.refiner.refine(generation.best, images, gains=gains)
+        refined = self.refiner.refine(generation.best, images, gains=generation.gains)
         if not refined.converged:
             return generation
-        return Generation(
-            np.concatenate([refined.pose[None], generation.poses[:-1]]),
-            np.concatenate([[refined.fitness], generation.fitness[:-1]]),
-            refined.covariance,
+        return dc.replace(
+            generation,
+            poses=np.concatenate([refined.pose[None], generation.poses[:-1]]),
+            fitness=np.concatenate([[refined.fitness], generation.fitness[:-1]]),
+            covariance=refined.covariance,
         )
+
+    def _finish(self, generation: Generation, images: Images, gains: Gains) -> Generation:
+        """Refines the best pose, and adapts the white balance where it is sure."""
+        generation = self.refine(dc.replace(generation, gains=gains), images)
+        if generation.covariance is None and not generation.fitness[0] > self.sure_fitness:
+            return generation
+        adapted = self.white_balance.adapt(gains, generation.best, images, self.matcher)
+        return dc.replace(generation, gains=adapted)
 
     def _select(self, candidates: Array, scene: Scene) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""

@@ -12,6 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import Generation, OneStepGaTracker
+from mffdrake.recognition.matching import NO_GAINS
 from mffdrake.recognition.pose import transform_from_pose
 from mffdrake.systems._callbacks import Weakly
 from mffdrake.systems.timing import Timing
@@ -44,7 +45,7 @@ class OneStepGaRecognizer(LeafSystem):
     the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
-    poses, fitness and covariance. Outputs depend on the state alone, so the loop through a
+    poses, fitness, covariance and white balance. Outputs depend on the state alone, so the loop through a
     predictor is none.
 
     Ports:
@@ -103,6 +104,7 @@ class OneStepGaRecognizer(LeafSystem):
         self._poses = self.DeclareDiscreteState(np.tile(center, n))
         self._fitness = self.DeclareDiscreteState(n)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
+        self._gains = self.DeclareDiscreteState(NO_GAINS)
 
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
@@ -148,7 +150,8 @@ class OneStepGaRecognizer(LeafSystem):
             fitness = context.get_discrete_state(self._fitness).value()
             covariance = context.get_discrete_state(self._covariance).value()
             refined = None if math.isnan(covariance[0]) else covariance.reshape(6, 6)
-            last = Generation(self._CarriedPoses(context), fitness, refined)
+            red, green, blue = context.get_discrete_state(self._gains).value().tolist()
+            last = Generation(self._CarriedPoses(context), fitness, refined, (red, green, blue))
             generation = self._tracker.track(last, images, frame=frame)
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
@@ -158,6 +161,7 @@ class OneStepGaRecognizer(LeafSystem):
         if generation.covariance is not None:
             covariance = generation.covariance.reshape(36)
         discrete_state.set_value(self._covariance, covariance)
+        discrete_state.set_value(self._gains, generation.gains)
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
         """The last frame's hypotheses: predicted where a predictor is connected."""

@@ -148,13 +148,13 @@ def test_the_target_lies_where_the_scenario_says():
 def test_the_true_pose_fits_the_first_images(mff):
     """Cameras, target and recognizer agree on every frame, lens and color."""
     context = mff.CreateDefaultContext()
-    right, left = (
+    images = tuple(
         mff.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
         for side in ("right", "left")
     )
     pose = CalcDesiredPose(load(), 0.0)
     matcher = mff.GetSubsystemByName("recognizer").tracker.matcher
-    (true, beside) = matcher.fitness([pose, pose + [0.05, 0, 0, 0, 0, 0]], right, left)
+    (true, beside) = matcher.fitness([pose, pose + [0.05, 0, 0, 0, 0, 0]], images)
     assert true > 0.95  # Blended pixels at the borders count more in a small image.
     assert beside < 0.6
 

@@ -1,5 +1,6 @@
 """Pictures: the panels with their units and data, the files, and an outline that fits the image."""
 
+import dataclasses as dc
 import re
 import subprocess
 import sys
@@ -11,9 +12,9 @@ import pytest
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate
+from mffdrake.experiment.outline import DrawOutline, DrawViews
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
-    DrawOutline,
     PlotComparison,
     PlotErrors,
     PlotHandPath,
@@ -23,6 +24,7 @@ from mffdrake.experiment.plotting import (
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.recognition import CameraRig, Distortion
 
 COORDINATES = ["x [mm]", "y [mm]", "z [mm]", "eps1", "eps2", "eps3"]
 TIME = 0.033 * np.arange(300)
@@ -219,17 +221,17 @@ VIEWS = {
 
 @pytest.fixture(scope="module", params=VIEWS)
 def view(request):
-    """Right and left image of the target at rest, its true pose, and the recognizer's matcher."""
+    """The images of the target at rest, its true pose, and the recognizer's matcher."""
     text = f"target: {{X_WM: {{rotation: !Rpy {{deg: {VIEWS[request.param]}}}}}}}"
     scenario = LoadScenario(text="{duration: 0.1, camera: {width: 320, height: 240}, " + text + "}")
     diagram = MakeHandEyeDiagram(scenario)
     context = diagram.CreateDefaultContext()
-    right, left = (
+    images = tuple(
         diagram.GetOutputPort(f"stereo_camera.color_image_{side}").Eval(context).data.copy()
         for side in ("right", "left")
     )
     matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
-    return right, left, CalcDesiredPose(scenario, 0.0), matcher
+    return images, CalcDesiredPose(scenario, 0.0), matcher
 
 
 def color_borders(image):
@@ -252,10 +254,10 @@ def distance_to(mask):
 
 def largest_gaps(view, pose):
     """How far the outline gets from the colors' borders, and the other way round [px]."""
-    right, left, _, matcher = view
-    drawn = DrawOutline(right, left, pose, matcher.search_model.solid, matcher.camera)
+    images, _, matcher = view
     gaps = []
-    for image, over in zip((left, right), np.split(drawn, 2, axis=1), strict=True):
+    for image, camera in zip(images, matcher.rig.cameras, strict=True):
+        over = DrawOutline(image, pose, matcher.solid, camera)
         border = color_borders(image)
         outline = np.any(cv2.absdiff(over, image[:, :, :3].copy()) > 64, axis=2)
         gaps.append((distance_to(border)[outline].max(), distance_to(outline)[border].max()))
@@ -263,37 +265,116 @@ def largest_gaps(view, pose):
 
 
 def test_the_true_poses_outline_lies_on_the_borders_of_the_colors(view):
-    gaps = largest_gaps(view, view[2])
+    gaps = largest_gaps(view, view[1])
     assert np.all(gaps[:, 0] <= 2.0)  # No part of the line, two pixels wide, is anywhere else,
     assert np.all(gaps[:, 1] <= 1.0)  # and no border is left out.
 
 
 def test_another_poses_outline_does_not(view):
     for k, step in enumerate([0.01, 0.01, 0.05, 0.1, 0.1, 0.1]):
-        pose = view[2].copy()
+        pose = view[1].copy()
         pose[k] += step
         assert np.all(largest_gaps(view, pose)[:, 0] > 2.0)
 
 
 def test_the_outline_is_white_and_black(view):
-    right, left, pose, matcher = view
-    drawn = DrawOutline(right, left, pose, matcher.search_model.solid, matcher.camera)
-    changed = drawn[np.any(drawn != np.hstack([left, right])[:, :, :3], axis=2)]
-    assert np.sum(changed.max(axis=1) < 60) > 100
-    assert np.sum(changed.min(axis=1) > 100) > 100
+    images, pose, matcher = view
+    for image, camera in zip(images, matcher.rig.cameras, strict=True):
+        drawn = DrawOutline(image, pose, matcher.solid, camera)
+        changed = drawn[np.any(drawn != image[:, :, :3], axis=2)]
+        assert np.sum(changed.max(axis=1) < 60) > 100
+        assert np.sum(changed.min(axis=1) > 100) > 100
+
+
+def seen_by(lens, camera, image):
+    """What another lens shows of what stands in a camera's image; grey where nothing does."""
+    v, u = np.mgrid[: lens.height, : lens.width].astype(float)
+    pixels = np.stack([u, v], axis=-1).reshape(-1, 2)
+    K = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    k, still = np.array(lens.distortion.coefficients), np.zeros(3)
+    project = {"plumb_bob": cv2.projectPoints, "equidistant": cv2.fisheye.projectPoints}
+    rays = (pixels - [lens.cx, lens.cy]) / [lens.fx, lens.fy]
+    for _ in range(60):  # Moves each ray by what its pixel lacks.
+        points = np.column_stack([rays, np.ones(len(rays))])[:, None]
+        found, _ = project[lens.distortion.model](points, still, still, K, k)
+        rays += (pixels - found.reshape(-1, 2)) / [lens.fx, lens.fy]
+    x, y = rays.reshape(*u.shape, 2).astype(np.float32).transpose(2, 0, 1)
+    place = camera.fx * x + camera.cx, camera.fy * y + camera.cy
+    grey = (128, 128, 128, 255)
+    return cv2.remap(image, *place, cv2.INTER_LINEAR, None, cv2.BORDER_CONSTANT, grey)
+
+
+@pytest.mark.parametrize(
+    "distortion",
+    [
+        Distortion("plumb_bob", (-0.7, 0.15, 2e-3, -1e-3)),
+        Distortion("equidistant", (-0.4, 0.05, 0.0, 0.0)),
+    ],
+    ids=lambda distortion: distortion.model,
+)
+def test_a_lens_bends_the_outline_as_it_bends_the_edges(view, distortion):
+    """The image is distorted pixel by pixel, and the outline lies on its borders as before."""
+    images, pose, matcher = view
+    for image, camera in zip(images, matcher.rig.cameras, strict=True):
+        bent = dc.replace(camera, distortion=distortion)
+        seen = seen_by(bent, camera, image)
+        border, gaps = color_borders(seen), {}
+        for lens in (camera, bent):
+            drawn = DrawOutline(seen, pose, matcher.solid, lens)
+            outline = np.any(cv2.absdiff(drawn, seen[:, :, :3].copy()) > 64, axis=2)
+            there, back = distance_to(border)[outline].max(), distance_to(outline)[border].max()
+            gaps[lens.distortion.model] = (there, back)
+        assert np.all(gaps[distortion.model] <= np.array([3.0, 2.0])), gaps
+        assert max(gaps["none"]) > 4.0, gaps
 
 
 def test_the_outline_changes_no_image_it_is_drawn_over(view):
-    right, left, pose, matcher = view
-    copies = right.copy(), left.copy()
-    for images in ((right, left), (right[:, :, :3].copy(), left[:, :, :3].copy())):
-        before = [image.copy() for image in images]
-        drawn = DrawOutline(*images, pose, matcher.search_model.solid, matcher.camera)
-        assert drawn.shape == (240, 640, 3)
-        assert drawn.dtype == np.uint8
-        for image, same in zip(images, before, strict=True):
-            np.testing.assert_array_equal(image, same)
-    np.testing.assert_array_equal(copies, (right, left))
+    images, pose, matcher = view
+    copies = [image.copy() for image in images]
+    for given in (images, [image[:, :, :3].copy() for image in images]):
+        before = [image.copy() for image in given]
+        for image, camera in zip(given, matcher.rig.cameras, strict=True):
+            drawn = DrawOutline(image, pose, matcher.solid, camera)
+            assert (drawn.shape, drawn.dtype) == ((240, 320, 3), np.uint8)
+        drawn = DrawViews(given, pose, matcher.solid, matcher.rig)
+        assert (drawn.shape, drawn.dtype) == ((240, 640, 3), np.uint8)
+        np.testing.assert_array_equal(given, before)
+    np.testing.assert_array_equal(copies, images)
+
+
+# All views of a rig, side by side.
+
+
+def test_views_stand_by_where_their_cameras_look_from(view):
+    """The left camera's on the left, with the outline and their cameras' names."""
+    images, pose, matcher = view
+    drawn = DrawViews(images, pose, matcher.solid, matcher.rig)
+    for k, half in ((1, drawn[:, :320]), (0, drawn[:, 320:])):
+        outlined = DrawOutline(images[k], pose, matcher.solid, matcher.rig.cameras[k])
+        differs = np.any(half != outlined, axis=2)
+        rows, columns = np.nonzero(differs)
+        assert 50 < differs.sum() < 2000 and rows.max() < 30 and columns.max() < 100  # the name
+    plain = DrawViews(images, None, matcher.solid, matcher.rig)
+    np.testing.assert_array_equal(plain[30:, 320:], images[0][30:, :, :3])
+
+
+def test_views_of_another_number_and_of_different_heights(view):
+    images, pose, matcher = view
+    right, left = matcher.rig.cameras
+    half = dc.replace(
+        left, name="half", width=160, height=120, fx=0.5 * left.fx, fy=0.5 * left.fy,
+        cx=0.5 * left.cx - 0.25, cy=0.5 * left.cy - 0.25, p_CK=left.p_CK + [0.05, 0.0, 0.0],
+    )  # fmt: skip
+    small = np.ascontiguousarray(images[1][::2, ::2])
+    drawn = DrawViews((*images, small), pose, matcher.solid, CameraRig((right, left, half)))
+    assert drawn.shape == (240, 320 + 160 + 320, 3)
+    between = drawn[:, 320:480]
+    assert not between[120:].any()
+    assert between[:120].any()
+    one = DrawViews(images[:1], pose, matcher.solid, CameraRig((right,)))
+    np.testing.assert_array_equal(one, drawn[:, 480:])
+    with pytest.raises(ValueError):
+        DrawViews(images, pose, matcher.solid, CameraRig((right,)))
 
 
 # Rendered pictures of a run.

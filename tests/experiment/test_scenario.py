@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from mffdrake.experiment.scenario import METHODS, LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import (
+    CameraRig,
     GeneCoding,
     GeneticParameters,
     LocalMoveParameters,
@@ -24,7 +25,6 @@ from mffdrake.recognition import (
     OneStepGaTracker,
     SamplingParameters,
     SearchRange,
-    StereoCamera,
 )
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pa10 import AddCameraFrames
@@ -215,13 +215,14 @@ def test_the_other_defaults_are_those_of_the_functions_and_classes_behind_them()
 
     for name in ("mode", "gain"):
         assert getattr(scenario.predictor, name) == default(MffPredictor, name)
-    camera = StereoCamera()
+    right, left = CameraRig.stereo().cameras
     config = scenario.camera
-    assert (config.width, config.height) == (camera.width, camera.height)
-    assert config.baseline == camera.baseline == default(AddCameraFrames, "baseline")
+    assert (config.width, config.height) == (right.width, right.height)
+    baseline = float(np.linalg.norm(left.p_CK - right.p_CK))
+    assert config.baseline == baseline == default(AddCameraFrames, "baseline")
     assert tuple(config.p_EC) == default(AddCameraFrames, "p_EC")
     focal_length = 0.5 * config.height / math.tan(0.5 * math.radians(config.fov_y_deg))
-    assert focal_length == pytest.approx(camera.focal_length, rel=1e-14)
+    assert focal_length == pytest.approx(right.fx, rel=1e-14)
     generations = default(OneStepGaTracker, "generations_per_frame")
     assert scenario.recognizer.generations_per_frame == generations
     assert scenario.seed == default(OneStepGaTracker, "seed")

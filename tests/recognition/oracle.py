@@ -1,16 +1,19 @@
 """The fitness of `mffdrake.recognition.matching`, point by point, slowly and independently.
 
 Works in the camera's frame, where the compiled kernel works in the target's; takes hues from
-`colorsys` and rotations from OpenCV. From the search model it reads the sampled points, from the
-solid its corners, faces and hues.
+`colorsys`, rotations and lenses from OpenCV. From the search model it reads the sampled points,
+from the solid its corners, faces and hues, from the cameras their numbers.
 """
 
 import colorsys
+import functools
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from synthetic import rotation
+from synthetic import in_camera, project
+
+from mffdrake.recognition import Camera, Distortion
 
 
 @dataclass
@@ -42,29 +45,53 @@ class Score:
         return max(0.0, (self.inside_matches - self.strip_matches) / self.inside)
 
 
-def fitness(matcher, psi, image_right, image_left):
-    """F of both cameras, Eq. (22)."""
-    right, left = scores(matcher, psi, image_right, image_left)
-    return 0.5 * (right.fitness + left.fitness)
+def fitness(matcher, psi, images):
+    """F of all cameras, Eq. (22)."""
+    return float(np.mean([score.fitness for score in scores(matcher, psi, images)]))
 
 
-def scores(matcher, psi, image_right, image_left):
-    """Scores of the right and the left camera."""
-    baseline = np.array([-matcher.camera.baseline, 0.0, 0.0])
-    return (
-        _score(matcher, psi, image_right, np.zeros(3)),
-        _score(matcher, psi, image_left, baseline),
-    )
+def scores(matcher, psi, images):
+    """Scores of the cameras."""
+    return [
+        _score(matcher, psi, image, camera)
+        for image, camera in zip(images, matcher.rig.cameras, strict=True)
+    ]
 
 
-def _score(matcher, psi, image, p_CO):
-    model, solid = matcher.search_model, matcher.search_model.solid
-    p, f = matcher.parameters, matcher.camera.focal_length
-    R = rotation(psi[3:])
-    origin = np.asarray(psi[:3]) - p_CO
+def magnification(camera, p_K):
+    """Pixels a unit of normalized length near a point: the root of what areas grow by."""
+    h = 1e-5
+    near = np.array([[h, 0.0], [-h, 0.0], [0.0, h], [0.0, -h]]) + p_K[:2] / p_K[2]
+    right, left, below, above = project(camera, np.column_stack([near, np.ones(4)]))
+    D = np.column_stack([right - left, below - above]) / (2.0 * h)
+    return math.sqrt(abs(np.linalg.det(D)))
+
+
+@functools.cache
+def fold_radius(camera):
+    """The normalized radius up to which the image grows with it, by trying all of them."""
+    radii = np.arange(1, 20_000) * 1e-3
+    k = np.array(camera.distortion.coefficients)
+    if camera.distortion.model == "plumb_bob":
+        k[2:4] = 0.0  # the symmetric part alone
+    plain = Camera(
+        width=1, height=1, fx=1.0, fy=1.0, cx=0.0, cy=0.0,
+        distortion=Distortion(camera.distortion.model, tuple(k)),
+    )  # fmt: skip
+    zero = np.zeros_like(radii)
+    image = project(plain, np.column_stack([radii, zero, zero + 1.0]))[:, 0]
+    falling = np.flatnonzero(np.diff(image) <= 0.0)
+    return radii[falling[0]] if len(falling) else math.inf
+
+
+def _score(matcher, psi, image, camera):
+    model, solid, p = matcher.search_model, matcher.solid, matcher.parameters
+    R, origin = in_camera(psi, camera)
+    f = magnification(camera, origin)
+    border = p.min_border_distance + camera.calibration_error
     corners = solid.vertices @ R.T + origin
     middle = corners.mean(axis=0)
-    score = Score()
+    score, wanted = Score(), []
     for k, face in enumerate(solid.faces):
         around = [corners[i] for i in face]
         normal = np.cross(around[1] - around[0], around[2] - around[1])
@@ -74,15 +101,17 @@ def _score(matcher, psi, image, p_CO):
         if not score.visible[-1]:
             continue
         sides = list(zip(around, around[1:] + around[:1], strict=True))
-        limits = [_limit(a, b, normal, f, p.min_border_distance) for a, b in sides]
+        limits = [_limit(a, b, normal, f, border) for a, b in sides]
         for point in model.inside_points[model.inside_start[k] : model.inside_start[k + 1]]:
             q = _move_inward(R @ point + origin, limits)
             if q is None:
                 continue
-            score.inside += 1
             score.points.append((q, sides))
-            hue = _hue_at(image, q, f, p)
-            score.inside_matches += _same(hue, solid.hues[k], p)
+            wanted.append(k)
+    shown = _shown(image, [q for q, _ in score.points], camera, matcher)
+    score.inside = len(wanted)
+    score.inside_matches = sum(k in faces for k, faces in zip(wanted, shown, strict=True))
+    strip = []
     for k, (i, j) in enumerate(solid.edges):
         faces = [n for n, face in enumerate(solid.faces) if i in face and j in face]
         if score.visible[faces[0]] == score.visible[faces[1]]:
@@ -93,12 +122,10 @@ def _score(matcher, psi, image, p_CO):
         if outward @ (middle - corners[i]) > 0:
             outward = -outward
         along = model.edge_points[model.edge_start[k] : model.edge_start[k + 1]] @ R.T + origin
-        least = p.min_border_distance * along[0][2] / f
-        for q in along:
-            for offset in model.strip_offsets:
-                hue = _hue_at(image, q + max(offset, least) * outward, f, p)
-                score.strip += 1
-                score.strip_matches += any(_same(hue, wanted, p) for wanted in solid.hues)
+        least = border * along[0][2] / f
+        strip += [q + max(r, least) * outward for q in along for r in model.strip_offsets]
+    score.strip = len(strip)
+    score.strip_matches = sum(bool(faces) for faces in _shown(image, strip, camera, matcher))
     return score
 
 
@@ -137,24 +164,36 @@ def _pixels_from_side(q, a, b, f):
     return abs(along[0] * (q - a)[1] - along[1] * (q - a)[0])
 
 
-def _hue_at(image, q, f, p):
-    """Hue [rad] of the pixel that shows a point, or None."""
-    height, width = image.shape[:2]
-    if q[2] <= 0:
-        return None
-    u = math.floor(f * q[0] / q[2] + (width - 1) / 2 + 0.5)
-    v = math.floor(f * q[1] / q[2] + (height - 1) / 2 + 0.5)
-    if not (0 <= u < width and 0 <= v < height):
-        return None
-    hue, saturation, value = colorsys.rgb_to_hsv(*(int(c) / 255 for c in image[v, u, :3]))
+def _shown(image, points, camera, matcher):
+    """For each point the faces whose color its pixel shows, a set."""
+    if not points:
+        return []
+    q = np.array(points)
+    x, y = q[:, :2].T / q[:, 2]
+    seen = (q[:, 2] > 0) & (np.hypot(x, y) < fold_radius(camera))
+    pixels = np.full((len(q), 2), -1)
+    pixels[seen] = np.floor(project(camera, q[seen]) + 0.5)
+    return [
+        shown_faces(image[v, u, :3], matcher.solid.hues, matcher.parameters)
+        if 0 <= u < camera.width and 0 <= v < camera.height
+        else set()
+        for u, v in pixels
+    ]
+
+
+def shown_faces(rgb, hues, p):
+    """The faces of given hues whose color an 8-bit pixel shows, a set.
+
+    Colors are told to 6 bits a channel, by the middle of the four values that those mean. Of
+    different hues within the tolerance the nearest is shown.
+    """
+    cell = (4 * (int(c) // 4) + 1.5 for c in rgb)
+    hue, saturation, value = colorsys.rgb_to_hsv(*(c / 255 for c in cell))
     if saturation == 0 or saturation < p.min_saturation or value < p.min_value:
-        return None
-    return 2.0 * math.pi * hue
-
-
-def _same(hue, wanted, p):
-    """Whether a hue is the wanted one, within the tolerance around the color circle."""
-    if hue is None:
-        return False
-    turn = math.remainder(hue - wanted, 2.0 * math.pi)
-    return abs(turn) <= math.radians(p.hue_tolerance_deg)
+        return set()
+    if saturation * value < p.min_chroma:
+        return set()
+    away = [abs(math.remainder(2.0 * math.pi * hue - wanted, 2.0 * math.pi)) for wanted in hues]
+    if min(away) > math.radians(p.hue_tolerance_deg):
+        return set()
+    return {k for k, hue in enumerate(hues) if hue == hues[int(np.argmin(away))]}

@@ -10,7 +10,7 @@ from mffdrake.recognition import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.pose import rotation_angle
 
 POSE = np.array([0.03, 0.155, 0.80, 0.10, -0.20, 0.15])
-P_CS = np.array([-0.075, 0.0, 0.0])
+MIDDLE = np.array([-0.075, 0.0, 0.0])
 NORMAL_LOG = -0.5 * (np.euler_gamma + math.log(2)) / math.log(10)
 """Mean of log10 |n| of a standard normal n."""
 
@@ -18,7 +18,7 @@ NORMAL_LOG = -0.5 * (np.euler_gamma + math.log(2)) / math.log(10)
 def draw(count, *, pivots=((0, 0, 0),), seed=0, pose=POSE, **parameters):
     """Moves with everything left out that is not named, each of full size."""
     nothing = {"depth": 0.0, "shift": 0.0, "rotation_deg": 0.0, "decades": 0.0, "sparsity": 0.0}
-    moves = LocalMoves(pivots, P_CS, LocalMoveParameters(**nothing | parameters))
+    moves = LocalMoves(pivots, MIDDLE, LocalMoveParameters(**nothing | parameters))
     return moves.draw(pose, count, np.random.default_rng(seed))
 
 
@@ -60,13 +60,13 @@ def test_shifts_scatter_along_each_axis_and_do_not_turn():
 def test_depth_moves_along_the_line_of_sight_of_the_middle_between_the_cameras():
     moved = draw(4000, depth=0.020)
     step = moved[:, :3] - POSE[:3]
-    sight = (POSE[:3] - P_CS) / np.linalg.norm(POSE[:3] - P_CS)
+    sight = (POSE[:3] - MIDDLE) / np.linalg.norm(POSE[:3] - MIDDLE)
     along = step @ sight
     np.testing.assert_allclose(step, along[:, None] * sight, atol=1e-15)
     assert along.std() == pytest.approx(0.020, rel=5 / math.sqrt(2 * 4000))
     assert along.mean() == pytest.approx(0.0, abs=0.020 * 5 / math.sqrt(4000))
     # So the direction from there to the solid stays: it moves alike in both images.
-    direction = moved[:, :3] - P_CS
+    direction = moved[:, :3] - MIDDLE
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     np.testing.assert_allclose(direction, np.tile(sight, (4000, 1)), atol=1e-14)
     np.testing.assert_allclose(moved[:, 3:], np.tile(POSE[3:], (4000, 1)), atol=1e-15)

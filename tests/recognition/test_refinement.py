@@ -1,5 +1,6 @@
 """Sub-pixel refinement of poses from color borders, on synthetic images."""
 
+import itertools
 import math
 
 import numpy as np
@@ -7,16 +8,22 @@ import pytest
 from synthetic import (
     arc_poses,
     hexagonal_prism,
+    in_camera,
+    odd_camera,
+    odd_rig,
     paper_box,
     pose,
+    project,
     random_poses_in_view,
     render,
     rotation,
     tetrahedron,
+    unproject,
 )
 
 from mffdrake.recognition import (
     BorderRefiner,
+    CameraRig,
     Generation,
     Matcher,
     NearStart,
@@ -26,7 +33,6 @@ from mffdrake.recognition import (
     RefinementParameters,
     SearchModel,
     SolidModel,
-    StereoCamera,
 )
 from mffdrake.recognition.pose import (
     compose_quaternion_vectors,
@@ -43,14 +49,14 @@ _refinement = pytest.importorskip("mffdrake.recognition._refinement")
 
 BOX, PRISM, TETRAHEDRON = paper_box(), hexagonal_prism(), tetrahedron()
 SOLIDS = {"box": BOX, "prism": PRISM, "tetrahedron": TETRAHEDRON}
-CAMERA = StereoCamera()
-MATCHER = Matcher(SearchModel(BOX), CAMERA)
+RIG = CameraRig.stereo()
+MATCHER = Matcher(SearchModel(BOX), RIG)
 REFINER = BorderRefiner(MATCHER)
 TRUTH = pose((0.02, 0.15, 0.78), (0.06, 0.12, -0.05))
 HARD, SMOOTH = 1, 6
 """Rays a pixel along each side: without blended pixels, and with."""
 
-IMAGES = {sampling: render(BOX, TRUTH, CAMERA, supersampling=sampling) for sampling in (1, 6)}
+IMAGES = {sampling: render(BOX, TRUTH, RIG, supersampling=sampling) for sampling in (1, 6)}
 NEES_OF_20 = 152.2 / 20.0
 """The 97.5 % point of chi square with 120 degrees of freedom, a run."""
 
@@ -87,55 +93,107 @@ def root_mean_square(values):
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 
-def lines_at(psi, solid=BOX, camera=CAMERA):
-    return _edge_lines.edge_lines(
-        np.asarray(psi), solid.vertices, solid.edges, camera.focal_length, camera.baseline
-    )
+def lines_at(psi, solid=BOX, rig=RIG):
+    """The lines of all slots."""
+    black = [np.zeros((c.height, c.width, 3), dtype=np.uint8) for c in rig.cameras]
+    return _edge_lines.edge_lines(np.asarray(psi), solid.vertices, solid.edges, rig.views(black))
 
 
-def borders_at(psi, images, solid=BOX, camera=CAMERA, **parameters):
-    """Lines, slots and borders at a pose, on every row."""
+def borders_at(psi, images, solid=BOX, rig=RIG, **parameters):
+    """Lines and borders at a pose, on every row."""
     p = RefinementParameters(**parameters)
-    lines = lines_at(psi, solid, camera)
-    right, left = (im.reshape(-1, im.shape[2]) for im in images)
-    slots, borders = _borders.find_borders(
-        psi, lines, right, left, camera.width, camera.height, camera.focal_length,
-        camera.baseline, solid.edge_faces, solid.normals, solid.centers,
-        solid.hues / (math.pi / 3.0), p.fine_window, 1, p.blend, p.end_margin, p.min_cosine,
-        p.min_contrast, p.max_mismatch, 20.0 / 60.0, 0.62, 0.2,
+    rules = _borders.BorderRules(
+        p.blend, p.end_margin, p.min_cosine, p.min_contrast, p.max_mismatch, p.min_borders,
+        p.border_error, p.edge_error,
     )  # fmt: skip
-    return lines, slots, borders
+    lines = lines_at(psi, solid, rig)
+    scene = Matcher(SearchModel(solid), rig).scene(images)
+    borders, sought = _borders.find_borders(
+        psi, lines, scene, rules, _borders.Stage(p.fine_window, 1, 1)
+    )
+    assert sought >= len(borders)
+    return lines, borders
 
 
-def distances(lines, slots, points):
-    """From the lines to points on their rows or columns [px]."""
-    expected = [
-        _edge_lines.crossing(lines, s, at) for s, at in zip(slots, points[:, 0], strict=True)
-    ]
-    return points[:, 1] - np.array(expected)
+def cross(camera, line, along):
+    """Where a row (column) crosses a line, and the normalized coordinates of the place."""
+    across, x, y = np.empty((3, 1))
+    _edge_lines.cross(camera.eye, line, np.array([along]), across, x, y)
+    return across[0], x[0], y[0]
+
+
+def distances(lines, borders, rig=RIG):
+    """From the lines to borders (or jumps) on their rows or columns [px]."""
+    num_edges = len(lines) // len(rig.cameras)
+    return np.array(
+        [
+            border["across"]
+            - cross(
+                rig.cameras[border["slot"] // num_edges], lines[border["slot"]], border["along"]
+            )[0]
+            for border in borders
+        ]
+    )
 
 
 # Geometry
 
 
+RIGS = {
+    "pair": RIG,
+    "plumb_bob": odd_rig("barrel"),
+    "equidistant": odd_rig("equidistant"),
+    "three": odd_rig("rational", "pincushion"),
+    "alone": CameraRig((odd_camera("barrel"),)),
+}
+rigs = pytest.mark.parametrize("rig", RIGS.values(), ids=RIGS)
+
+
+@rigs
 @pytest.mark.parametrize("name", SOLIDS)
-def test_lines_are_the_edges_projections(name):
+def test_lines_are_the_edges_projections(name, rig):
     solid, rng = SOLIDS[name], np.random.default_rng(1)
-    center = np.array(CAMERA.principal_point)
-    for psi in random_poses_in_view(rng, solid, CAMERA, 5):
-        lines = lines_at(psi, solid)
+    for psi in random_poses_in_view(rng, solid, rig, 3):
+        lines = lines_at(psi, solid, rig)
+        assert len(lines) == len(rig.cameras) * len(solid.edges)
+        assert lines["seen"].all()
         for slot, line in enumerate(lines):
-            ends = solid.vertices[solid.edges[slot % len(solid.edges)]] @ rotation(psi[3:]).T
-            for share in (0.0, 0.3, 1.0):
-                point = (1.0 - share) * ends[0] + share * ends[1] + psi[:3]
-                u, v = CAMERA.project(point)[slot // len(solid.edges)] - center
-                at, across = (v, u) if line[_edge_lines.ROWS] else (u, v)
-                assert _edge_lines.crossing(lines, slot, at) == pytest.approx(across, abs=1e-9)
-        assert (lines[:, _edge_lines.SLOPE] <= 1.0).all()
+            k, edge = divmod(slot, len(solid.edges))
+            camera = rig.cameras[k]
+            (first, last), (R_KM, p_KM) = solid.vertices[solid.edges[edge]], in_camera(psi, camera)
+            shares = np.array([[0.0], [0.3], [1.0]])
+            points = (1.0 - shares) * first + shares * last
+            for u, v in project(camera, points @ R_KM.T + p_KM):
+                along, across = (v, u) if line["rows"] else (u, v)
+                found, x, y = cross(camera, line, along)
+                # A line seen nearly end-on may be short: no longer than what rounding makes of it.
+                assert found == pytest.approx(across, abs=1e-7)
+                np.testing.assert_allclose((x, y), unproject(camera, u, v), rtol=0, atol=1e-9)
+
+
+@rigs
+def test_slopes_are_the_numerical_ones_at_the_middle_of_the_lines(rig):
+    for psi in random_poses_in_view(np.random.default_rng(30), PRISM, rig, 3):
+        lines = lines_at(psi, PRISM, rig)
+        for slot, line in enumerate(lines):
+            if abs(line["last"] - line["first"]) < 1.0:
+                continue
+            camera = rig.cameras[slot // len(PRISM.edges)]
+            middle = 0.5 * np.array([line["x0"] + line["x1"], line["y0"] + line["y1"]])
+            u, v = project(camera, np.array([[*middle, 1.0]]))[0]
+            at, h = (v if line["rows"] else u), 1e-3
+            after, before = (cross(camera, line, at + step)[0] for step in (h, -h))
+            assert line["slope"] == pytest.approx((after - before) / (2.0 * h), abs=1e-5)
+            # Ends tell which is nearer; a bent line may be a little steeper at its middle.
+            assert abs(line["slope"]) < (1.0 + 1e-9 if rig is RIG else 1.3)
 
 
 def test_a_line_behind_the_camera_is_none():
-    assert np.isnan(lines_at(pose((0.0, 0.0, 0.05)))).any()
+    lines = lines_at(pose((0.0, 0.0, 0.05)))
+    behind = BOX.vertices[:, 2] + 0.05 < 0.0
+    expected = ~behind[BOX.edges].any(axis=1)
+    assert 0 < expected.sum() < 12
+    np.testing.assert_array_equal(lines["seen"], np.tile(expected, 2))
 
 
 def test_a_move_turns_the_target_about_its_origin_by_a_vector_of_the_cameras_frame():
@@ -149,31 +207,36 @@ def test_a_move_turns_the_target_about_its_origin_by_a_vector_of_the_cameras_fra
     np.testing.assert_array_equal(_edge_lines.move(TRUTH, np.zeros(6))[:3], TRUTH[:3])
 
 
+@rigs
 @pytest.mark.parametrize("name", SOLIDS)
-def test_the_jacobian_is_the_numerical_derivative(name):
+def test_the_jacobian_is_the_numerical_derivative(name, rig):
     solid, rng, h = SOLIDS[name], np.random.default_rng(3), 1e-6
-    J = np.empty(6)
-    for psi in random_poses_in_view(rng, solid, CAMERA, 4):
-        lines = lines_at(psi, solid)
-        for slot in range(len(lines)):
-            first, last = lines[slot, [_edge_lines.FIRST, _edge_lines.LAST]]
-            if abs(last - first) < 1.0:
+    views = rig.views([np.zeros((c.height, c.width, 3), dtype=np.uint8) for c in rig.cameras])
+    for psi in random_poses_in_view(rng, solid, rig, 2):
+        lines = lines_at(psi, solid, rig)
+        moved = {}
+        for i, sign in itertools.product(range(6), (1.0, -1.0)):
+            moved[i, sign], step = lines.copy(), np.zeros(6)
+            step[i] = sign * h
+            assert _edge_lines.move_lines(
+                moved[i, sign],
+                _edge_lines.move(psi, step),
+                solid.vertices,
+                solid.edges,
+                views,
+                True,
+            )
+        for slot, line in enumerate(lines):
+            if abs(line["last"] - line["first"]) < 1.0:
                 continue
-            at = first + rng.uniform(0.1, 0.9) * (last - first)
-            shift = CAMERA.baseline * (slot // len(solid.edges))
-            _edge_lines.crossing_jacobian(lines, slot, at, psi, CAMERA.focal_length, shift, J)
+            camera = rig.cameras[slot // len(solid.edges)]
+            at = line["first"] + rng.uniform(0.1, 0.9) * (line["last"] - line["first"])
+            _, x, y = cross(camera, line, at)
+            J = np.empty((1, 6))
+            _edge_lines.cross_jacobians(camera.eye, line, np.array([x]), np.array([y]), psi, J)
             for i in range(6):
-                sides = []
-                for sign in (1.0, -1.0):
-                    moved, step = lines.copy(), np.zeros(6)
-                    step[i] = sign * h
-                    _edge_lines.move_lines(
-                        moved, _edge_lines.move(psi, step), solid.vertices, solid.edges,
-                        CAMERA.focal_length, CAMERA.baseline, True,
-                    )  # fmt: skip
-                    sides.append(_edge_lines.crossing(moved, slot, at))
-                numerical = (sides[0] - sides[1]) / (2.0 * h)
-                assert J[i] == pytest.approx(numerical, rel=1e-5, abs=1e-3)
+                after, before = (cross(camera, moved[i, sign][slot], at)[0] for sign in (1.0, -1.0))
+                assert J[0, i] == pytest.approx((after - before) / (2.0 * h), rel=2e-5, abs=2e-3)
 
 
 def test_the_solver_solves():
@@ -188,21 +251,29 @@ def test_the_solver_solves():
 # Borders
 
 
-@pytest.mark.parametrize("sampling", [HARD, SMOOTH])
-@pytest.mark.parametrize("name", SOLIDS)
-def test_borders_lie_on_the_edges_without_bias(name, sampling):
+@pytest.mark.parametrize(
+    ("name", "sampling", "rig"),
+    [
+        *itertools.product(SOLIDS, (HARD, SMOOTH), ["pair"]),
+        ("box", HARD, "plumb_bob"), ("prism", 4, "equidistant"),
+    ],
+)  # fmt: skip
+def test_borders_lie_on_the_edges_without_bias(name, sampling, rig):
+    rig = RIGS[rig]
     solid, rng = SOLIDS[name], np.random.default_rng(5)
     found, signs = [], []
-    for psi in random_poses_in_view(rng, solid, CAMERA, 12):
-        images = render(solid, psi, CAMERA, supersampling=sampling)
-        lines, slots, borders = borders_at(psi, images, solid)
-        # Outward is away from the mean of the projected corners.
-        for slot in np.unique(slots):
-            r = distances(lines, slots[slots == slot], borders[slots == slot])
-            found.append(r)
-            middle = lines[slot, 4:6].mean()
-            beyond = _edge_lines.crossing(lines, slot, middle) > _middle(psi, solid, slot, lines)
-            signs.append(np.full(len(r), 1.0 if beyond else -1.0))
+    for psi in random_poses_in_view(rng, solid, rig, 12):
+        images = render(solid, psi, rig, supersampling=sampling)
+        lines, borders = borders_at(psi, images, solid, rig)
+        # Outward is away from the solid's middle.
+        r = distances(lines, borders, rig)
+        found.append(r)
+        for slot in np.unique(borders["slot"]):
+            line, camera = lines[slot], rig.cameras[slot // len(solid.edges)]
+            middle, across = _middle(psi, solid, camera, line)
+            beyond = cross(camera, line, middle)[0] > across
+            count = (borders["slot"] == slot).sum()
+            signs.append(np.full(count, 1.0 if beyond else -1.0))
     found, signs = np.concatenate(found), np.concatenate(signs)
     assert len(found) > 3000
     good = np.abs(found) < 0.6
@@ -216,21 +287,21 @@ def test_borders_lie_on_the_edges_without_bias(name, sampling):
     assert sampling > 1 or spread > 0.95
 
 
-def _middle(psi, solid, slot, lines):
-    """The solid's middle in the image, across a slot's line."""
-    middle = solid.vertices.mean(axis=0) @ rotation(psi[3:]).T + psi[:3]
-    u, v = CAMERA.project(middle)[slot // len(solid.edges)] - np.array(CAMERA.principal_point)
-    return u if lines[slot, _edge_lines.ROWS] else v
+def _middle(psi, solid, camera, line):
+    """Where the solid's middle lies in the image, along and across a line's rows."""
+    R_KM, p_KM = in_camera(psi, camera)
+    u, v = project(camera, (solid.vertices.mean(axis=0) @ R_KM.T + p_KM)[None])[0]
+    return (v, u) if line["rows"] else (u, v)
 
 
 def test_jumps_of_a_hard_border_lie_within_half_a_row():
     seen = []
     for psi in arc_poses(9) + [0.001, 0.002, 0.003, 0.002, 0.0, 0.004]:
-        lines, slots, borders = borders_at(psi, render(BOX, psi, CAMERA))
-        which, jumps = _borders.find_jumps(slots, borders, lines, CAMERA.width, CAMERA.height)
-        slope = lines[which, _edge_lines.SLOPE]
-        seen.append(distances(lines, which, jumps) / slope)
-        assert (jumps[:, 2] == 1.0).all()  # no row wavers
+        lines, borders = borders_at(psi, render(BOX, psi, RIG))
+        jumps = _borders.find_jumps(borders, lines)
+        slope = lines["slope"][jumps["slot"]]
+        seen.append(distances(lines, jumps) / slope)
+        assert (jumps["within"] == 1.0).all()  # no row wavers
     seen = np.concatenate(seen)
     assert len(seen) > 100
     assert np.abs(seen).max() < 0.5 + 1e-6
@@ -240,17 +311,17 @@ def test_jumps_of_a_hard_border_lie_within_half_a_row():
 def test_neighbors_of_the_same_hue_have_no_border():
     same = SolidModel(BOX.vertices, BOX.faces, np.full(6, 2.0))
     psi = pose((0.0, 0.155, 0.8), (0.1, 0.2, 0.1))
-    _, slots, _ = borders_at(psi, render(same, psi, CAMERA), same)
+    _, borders = borders_at(psi, render(same, psi, RIG), same)
     looking = (same.normals @ rotation(psi[3:]).T * psi[:3]).sum(axis=1) < 0
-    pairs = looking[same.edge_faces[slots % 12]]
-    assert len(slots) > 200
+    pairs = looking[same.edge_faces[borders["slot"] % 12]]
+    assert len(borders) > 200
     assert (pairs.sum(axis=1) == 1).all()
 
 
 def test_borders_of_another_color_on_the_inside_do_not_count():
     other = SolidModel(BOX.vertices, BOX.faces, BOX.hues + 0.8)
-    _, slots, _ = borders_at(TRUTH, render(other, TRUTH, CAMERA))
-    assert len(slots) == 0
+    _, borders = borders_at(TRUTH, render(other, TRUTH, RIG))
+    assert len(borders) == 0
 
 
 # Accuracy
@@ -263,11 +334,11 @@ def test_borders_of_another_color_on_the_inside_do_not_count():
 @pytest.mark.parametrize("name", SOLIDS)
 def test_accuracy_from_three_millimeters_and_one_degree_off(name, sampling, noise, position, angle):
     solid, rng = SOLIDS[name], np.random.default_rng(11)
-    refiner = BorderRefiner(Matcher(SearchModel(solid), CAMERA))
+    refiner = BorderRefiner(Matcher(SearchModel(solid), RIG))
     found = []
-    for psi in random_poses_in_view(rng, solid, CAMERA, 20):
-        images = noisy(render(solid, psi, CAMERA, supersampling=sampling), rng, noise)
-        result = refiner.refine(displaced(psi, rng), *images)
+    for psi in random_poses_in_view(rng, solid, RIG, 20):
+        images = noisy(render(solid, psi, RIG, supersampling=sampling), rng, noise)
+        result = refiner.refine(displaced(psi, rng), images)
         if result.converged:
             found.append(errors(result.pose, psi))
     assert len(found) >= 19
@@ -276,11 +347,11 @@ def test_accuracy_from_three_millimeters_and_one_degree_off(name, sampling, nois
 
 @pytest.mark.parametrize(("width", "limit"), [(320, 1.5), (1280, 0.1)])
 def test_image_sizes(width, limit):
-    camera = StereoCamera.from_fov(width=width, height=width * 3 // 4, fov_y=math.radians(45))
-    refiner, rng = BorderRefiner(Matcher(SearchModel(BOX), camera)), np.random.default_rng(12)
+    rig = CameraRig.stereo(width=width, height=width * 3 // 4, fov_y=math.radians(45))
+    refiner, rng = BorderRefiner(Matcher(SearchModel(BOX), rig)), np.random.default_rng(12)
     found = []
-    for psi in random_poses_in_view(rng, BOX, camera, 6):
-        result = refiner.refine(displaced(psi, rng), *render(BOX, psi, camera))
+    for psi in random_poses_in_view(rng, BOX, rig, 6):
+        result = refiner.refine(displaced(psi, rng), render(BOX, psi, rig))
         assert result.converged
         found.append(errors(result.pose, psi)[0])
     assert root_mean_square(found) < limit
@@ -288,22 +359,22 @@ def test_image_sizes(width, limit):
 
 def test_an_alpha_channel_makes_no_difference():
     start = displaced(TRUTH, np.random.default_rng(13))
-    plain = REFINER.refine(start, *IMAGES[HARD])
-    alpha = (np.dstack([im, np.full(im.shape[:2], 255, np.uint8)]) for im in IMAGES[HARD])
-    np.testing.assert_array_equal(REFINER.refine(start, *alpha).pose, plain.pose)
+    plain = REFINER.refine(start, IMAGES[HARD])
+    alpha = [np.dstack([im, np.full(im.shape[:2], 255, np.uint8)]) for im in IMAGES[HARD]]
+    np.testing.assert_array_equal(REFINER.refine(start, alpha).pose, plain.pose)
 
 
 def test_the_result_hardly_depends_on_the_start():
     rng = np.random.default_rng(14)
-    results = [REFINER.refine(displaced(TRUTH, rng), *IMAGES[HARD]) for _ in range(10)]
+    results = [REFINER.refine(displaced(TRUTH, rng), IMAGES[HARD]) for _ in range(10)]
     assert all(result.converged for result in results)
     spread = np.std([result.pose for result in results], axis=0)
     assert (spread[:3] < 3e-5).all() and (spread[3:] < 1e-4).all()
 
 
 def test_hardness_tells_blended_images():
-    assert REFINER.refine(TRUTH, *IMAGES[HARD]).hardness == 1.0
-    smooth = REFINER.refine(TRUTH, *IMAGES[SMOOTH])
+    assert REFINER.refine(TRUTH, IMAGES[HARD]).hardness == 1.0
+    smooth = REFINER.refine(TRUTH, IMAGES[SMOOTH])
     assert smooth.hardness < 0.2 and smooth.num_jumps == 0
 
 
@@ -311,8 +382,8 @@ def test_hardness_tells_blended_images():
 @pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
 def test_half_of_the_target_hidden(side, color):
     rng, found = np.random.default_rng(15), []
-    for psi in random_poses_in_view(rng, BOX, CAMERA, 4):
-        images = render(BOX, psi, CAMERA)
+    for psi in random_poses_in_view(rng, BOX, RIG, 4):
+        images = render(BOX, psi, RIG)
         for image in images:
             v, u = np.nonzero(np.ptp(image, axis=2) > 60)
             middle_u, middle_v = int(u.mean()), int(v.mean())
@@ -321,7 +392,7 @@ def test_half_of_the_target_hidden(side, color):
             else:
                 image[slice(middle_v) if side == "top" else slice(middle_v, None)] = color
         start = displaced(psi, rng)
-        result = REFINER.refine(start, *images)
+        result = REFINER.refine(start, images)
         if result.converged:
             found.append(errors(result.pose, psi))
             assert nees(result, psi) < 30.0
@@ -339,9 +410,9 @@ def test_the_covariance_is_not_too_small(sampling, noise):
     values = []
     for seed in range(20):
         rng = np.random.default_rng([16, seed])
-        psi = random_poses_in_view(rng, BOX, CAMERA, 1)[0]
-        images = noisy(render(BOX, psi, CAMERA, supersampling=sampling), rng, noise)
-        result = REFINER.refine(displaced(psi, rng), *images)
+        psi = random_poses_in_view(rng, BOX, RIG, 1)[0]
+        images = noisy(render(BOX, psi, RIG, supersampling=sampling), rng, noise)
+        result = REFINER.refine(displaced(psi, rng), images)
         if result.converged:
             np.testing.assert_allclose(result.covariance, result.covariance.T, atol=1e-15)
             values.append(nees(result, psi))
@@ -361,24 +432,24 @@ def assert_refused(result, given, reason):
 
 def test_nothing_to_see():
     grey = np.full((480, 640, 3), 128, dtype=np.uint8)
-    assert_refused(REFINER.refine(TRUTH, grey, grey), TRUTH, "too few borders")
+    assert_refused(REFINER.refine(TRUTH, [grey, grey]), TRUTH, "too few borders")
 
 
 def test_a_pose_far_off():
     start = TRUTH + [0.06, 0.0, 0.0, 0.0, 0.0, 0.0]
-    assert not REFINER.refine(start, *IMAGES[HARD]).converged
+    assert not REFINER.refine(start, IMAGES[HARD]).converged
 
 
 @pytest.mark.parametrize("z", [-1.0, 0.02])
 def test_a_pose_behind_or_around_the_camera(z):
     start = pose((0.0, 0.0, z))
-    assert_refused(REFINER.refine(start, *IMAGES[HARD]), start, "too few")
+    assert_refused(REFINER.refine(start, IMAGES[HARD]), start, "too few")
 
 
 def test_a_solid_partly_out_of_the_image():
     psi = pose((0.20, 0.15, 0.78), TRUTH[3:])
     start = displaced(psi, np.random.default_rng(17))
-    result = REFINER.refine(start, *render(BOX, psi, CAMERA))
+    result = REFINER.refine(start, render(BOX, psi, RIG))
     if result.converged:
         assert errors(result.pose, psi)[0] < errors(start, psi)[0]
 
@@ -397,25 +468,25 @@ def test_a_solid_partly_out_of_the_image():
 def test_every_doubt_has_its_reason(parameters, reason):
     start = displaced(TRUTH, np.random.default_rng(18))
     refiner = BorderRefiner(MATCHER, RefinementParameters(**parameters))
-    assert_refused(refiner.refine(start, *IMAGES[HARD]), start, reason)
+    assert_refused(refiner.refine(start, IMAGES[HARD]), start, reason)
 
 
 def test_a_less_fit_pose_is_refused():
     class Liar(Matcher):
-        def fitness(self, poses, image_right, image_left):
+        def fitness(self, poses, images, *, gains):
             return np.array([0.90, 0.96])
 
     start = displaced(TRUTH, np.random.default_rng(19))
-    refiner = BorderRefiner(Liar(SearchModel(BOX), CAMERA))
-    assert_refused(refiner.refine(start, *IMAGES[HARD]), start, "less fit")
+    refiner = BorderRefiner(Liar(SearchModel(BOX), RIG))
+    assert_refused(refiner.refine(start, IMAGES[HARD]), start, "less fit")
 
 
 def test_refinement_makes_no_start_worse():
     rng = np.random.default_rng(20)
-    for psi in random_poses_in_view(rng, BOX, CAMERA, 30):
-        images = noisy(render(BOX, psi, CAMERA), rng, 3)
+    for psi in random_poses_in_view(rng, BOX, RIG, 30):
+        images = noisy(render(BOX, psi, RIG), rng, 3)
         start = displaced(psi, rng, rng.uniform(0.002, 0.03), rng.uniform(0.5, 6.0))
-        result = REFINER.refine(start, *images)
+        result = REFINER.refine(start, images)
         # The distance of the corners counts both, position and orientation.
         before, after = (_corner_error(p, psi) for p in (start, result.pose))
         assert after <= before
@@ -429,7 +500,7 @@ def _corner_error(psi, truth):
 def test_wrong_images_are_named():
     for image in (np.zeros((48, 64, 3), np.uint8), np.zeros((480, 640, 3))):
         with pytest.raises(ValueError, match="uint8 and shape"):
-            REFINER.refine(TRUTH, image, image)
+            REFINER.refine(TRUTH, [image, image])
 
 
 @pytest.mark.parametrize(
@@ -456,7 +527,7 @@ class Fixed:
     def __init__(self, psi, fitness=0.5):
         self.result = Refinement(np.asarray(psi), True, "", np.eye(6), fitness)
 
-    def refine(self, pose, image_right, image_left):
+    def refine(self, pose, images, *, gains):
         return self.result
 
 
@@ -467,7 +538,7 @@ def tracker(**parameters):
 def test_a_refined_pose_is_recognized_and_takes_the_last_place_in_the_population():
     odd = TRUTH + 1.23456789e-5  # no genes give that
     plain, refined = tracker(), tracker(refiner=Fixed(odd))
-    a, b = (t.start_population(*IMAGES[HARD]) for t in (plain, refined))
+    a, b = (t.start_population(IMAGES[HARD]) for t in (plain, refined))
     np.testing.assert_array_equal(b.best, odd)
     np.testing.assert_array_equal(b.poses[1:], a.poses[:-1])
     np.testing.assert_array_equal(b.fitness, np.concatenate([[0.5], a.fitness[:-1]]))
@@ -477,11 +548,11 @@ def test_a_refined_pose_is_recognized_and_takes_the_last_place_in_the_population
 
 def test_a_refined_pose_meets_the_next_frame_just_as_it_is():
     odd = TRUTH + 1.23456789e-5
-    last = tracker(refiner=Fixed(odd)).start_population(*IMAGES[HARD])
-    following = tracker().track(last, *IMAGES[HARD], frame=1)
+    last = tracker(refiner=Fixed(odd)).start_population(IMAGES[HARD])
+    following = tracker().track(last, IMAGES[HARD], frame=1)
     assert (following.poses == odd).all(axis=1).any()
     # Without its covariance a pose is one like any other.
-    rounded = tracker().track(Generation(last.poses, last.fitness), *IMAGES[HARD], frame=1)
+    rounded = tracker().track(Generation(last.poses, last.fitness), IMAGES[HARD], frame=1)
     assert not (rounded.poses == odd).all(axis=1).any()
 
 
@@ -490,9 +561,9 @@ def test_a_failed_refinement_changes_nothing():
     hopeless = tracker(refiner=BorderRefiner(MATCHER, RefinementParameters(min_borders=10**6)))
     results = []
     for algorithm in (plain, off, hopeless):
-        generation = algorithm.start_population(*IMAGES[HARD])
+        generation = algorithm.start_population(IMAGES[HARD])
         for frame in range(1, 6):
-            generation = algorithm.track(generation, *IMAGES[HARD], frame=frame)
+            generation = algorithm.track(generation, IMAGES[HARD], frame=frame)
         results.append((generation.poses.tobytes(), generation.fitness.tobytes()))
     assert len(set(results)) == 1
 
@@ -503,7 +574,7 @@ def test_tracking_a_moving_target(feedforward):
     found = {}
     for name, refiner in (("none", NoRefinement()), ("borders", REFINER)):
         algorithm = tracker(refiner=refiner, start=NearStart(path[0]), seed=3)
-        generation = algorithm.start_population(*render(BOX, path[0], CAMERA))
+        generation = algorithm.start_population(render(BOX, path[0], RIG))
         found[name] = []
         for k in range(1, len(path)):
             if feedforward:
@@ -511,7 +582,7 @@ def test_tracking_a_moving_target(feedforward):
                 R = R1 @ R0.T
                 moved = transport_pose(generation.poses, R, p1 - R @ p0)
                 generation = Generation(moved, generation.fitness, generation.covariance)
-            generation = algorithm.track(generation, *render(BOX, path[k], CAMERA), frame=k)
+            generation = algorithm.track(generation, render(BOX, path[k], RIG), frame=k)
             found[name].append(errors(generation.best, path[k]))
     settled = {name: root_mean_square(values[4:]) for name, values in found.items()}
     assert (settled["borders"] < [0.3, 0.1]).all()
@@ -522,6 +593,6 @@ def test_the_quaternion_s_sign_does_not_matter():
     # Close to a half turn the vector part may jump to its opposite; the pose is the same.
     eps = quaternion_vector(rotation((0.0, 0.0, 0.999)))
     psi = pose((0.0, 0.15, 0.8), eps)
-    result = REFINER.refine(displaced(psi, np.random.default_rng(21)), *render(BOX, psi, CAMERA))
+    result = REFINER.refine(displaced(psi, np.random.default_rng(21)), render(BOX, psi, RIG))
     assert result.converged
     assert errors(result.pose, psi)[0] < 1.0

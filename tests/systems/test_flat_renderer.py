@@ -38,14 +38,16 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageLabel16I, ImageRgba8U
 
-from mffdrake.recognition import SolidModel, StereoCamera
+from mffdrake.recognition import CameraRig, SolidModel
+from mffdrake.systems.camera_info import MakeCameraInfo
 from mffdrake.systems.flat_renderer import AddFlatRenderer, FlatRenderEngine, MakeFlatRenderEngine
 from mffdrake.systems.models import ConfigureParser, FindModelsPath
 from mffdrake.systems.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10
 from mffdrake.systems.renderers import RENDERERS, AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera, MakeCameraInfo
+from mffdrake.systems.stereo_camera import AddStereoCamera
 
-CAMERA = StereoCamera.from_fov(width=320, height=240, fov_y=math.radians(45.0))
+RIG = CameraRig.stereo(width=320, height=240, fov_y=math.radians(45.0), baseline=0.150)
+CAMERA = RIG.cameras[0]
 INFO = MakeCameraInfo(CAMERA)
 TARGET = str(FindModelsPath() / "target_box.obj")
 GREY, EMPTY = [128, 128, 128, 255], int(RenderLabel.kEmpty)
@@ -342,14 +344,14 @@ def test_silhouettes_lie_where_the_corners_project():
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     AddPa10(plant)
-    AddCameraFrames(plant, baseline=CAMERA.baseline)
+    AddCameraFrames(plant, baseline=0.150)
     parser = Parser(plant)
     ConfigureParser(parser)
     parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
     plant.Finalize()
     AddFlatRenderer(scene_graph)
     stereo = AddStereoCamera(
-        builder, plant=plant, scene_graph=scene_graph, camera=CAMERA, renderer="flat"
+        builder, plant=plant, scene_graph=scene_graph, rig=RIG, renderer="flat"
     )
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
@@ -360,7 +362,7 @@ def test_silhouettes_lie_where_the_corners_project():
     for turn in rng.uniform(-math.pi, math.pi, (40, 3)):
         X_CM = RigidTransform(RollPitchYaw(turn), rng.uniform([-0.2, -0.1, 0.7], [0.05, 0.1, 0.9]))
         plant.SetFreeBodyPose(plant_context, plant.GetBodyByName("target_box"), X_WC @ X_CM)
-        corners = CAMERA.project((X_CM @ box.vertices.T).T)
+        corners = RIG.project((X_CM @ box.vertices.T).T)
         for side, p in zip(("right", "left"), corners, strict=True):
             port = stereo.GetOutputPort(f"color_image_{side}")
             image = port.Eval(stereo.GetMyContextFromRoot(context)).data

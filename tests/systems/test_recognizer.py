@@ -19,6 +19,7 @@ from mffdrake.recognition import (
     GREEN,
     RED,
     BorderRefiner,
+    CameraRig,
     Generation,
     GeneticParameters,
     Matcher,
@@ -27,20 +28,20 @@ from mffdrake.recognition import (
     SearchModel,
     SearchRange,
     SolidModel,
-    StereoCamera,
 )
 from mffdrake.systems.recognizer import OneStepGaRecognizer
 from mffdrake.systems.timing import Timing
 
 N = 20
-CAMERA = StereoCamera(width=160, height=120, focal_length=145.0)
+RIG = CameraRig.stereo(width=160, height=120, focal_length=145.0)
+CAMERA = RIG.cameras[0]
 BOX = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
 START = np.array([0.0, 0.155, 0.8, 0.1, -0.2, 0.05])
 
 
 def make_tracker(**arguments):
     return OneStepGaTracker(
-        matcher=Matcher(SearchModel(BOX), CAMERA),
+        matcher=Matcher(SearchModel(BOX), RIG),
         parameters=GeneticParameters(population_size=N),
         **{"start": NearStart(START)} | arguments,
     )
@@ -65,9 +66,9 @@ def draw(pose):
     R = RotationMatrix(Quaternion(wxyz=[np.sqrt(1.0 - eps @ eps), *eps])).matrix()
     corners = BOX.vertices @ R.T + pose[:3]
     images = []
-    for p_CO, pixels in zip((np.zeros(3), CAMERA.p_CL), CAMERA.project(corners), strict=True):
+    for camera, pixels in zip(RIG.cameras, RIG.project(corners), strict=True):
         image = np.full((CAMERA.height, CAMERA.width, 4), (128, 128, 128, 255), dtype=np.uint8)
-        toward = BOX.centers @ R.T + pose[:3] - p_CO
+        toward = BOX.centers @ R.T + pose[:3] - camera.p_CK
         for face in np.flatnonzero(np.einsum("fk,fk->f", BOX.normals @ R.T, toward) < 0.0):
             color = 255 * np.array(colorsys.hsv_to_rgb(BOX.hues[face] / (2.0 * np.pi), 1.0, 1.0))
             image[inside(pixels[list(BOX.faces[face])])] = (*np.rint(color), 255)
@@ -169,7 +170,7 @@ def test_a_frame_scores_the_population_on_its_images_and_sorts_it():
         np.testing.assert_array_equal(values["frame_time"], [time])
         poses = values["population"].reshape(N, 6)
         fitness = values["population_fitness"]
-        np.testing.assert_array_equal(fitness, tracker.matcher.fitness(poses, *images))
+        np.testing.assert_array_equal(fitness, tracker.matcher.fitness(poses, images))
         np.testing.assert_array_equal(fitness, np.sort(fitness)[::-1])
         assert fitness[0] > fitness[-1]
         np.testing.assert_array_equal(values["pose"], poses[0])
@@ -189,7 +190,7 @@ def test_x_cm_is_the_pose_as_a_transform():
 
 
 def test_a_box_at_rest_is_found_from_nowhere():
-    tracker = OneStepGaTracker(matcher=Matcher(SearchModel(BOX), CAMERA))
+    tracker = OneStepGaTracker(matcher=Matcher(SearchModel(BOX), RIG))
     recognizer = OneStepGaRecognizer(tracker=tracker)
     context = recognizer.CreateDefaultContext()
     fix_images(recognizer, context, START)
@@ -226,9 +227,9 @@ def test_frame_by_frame_it_is_the_pure_tracker(generations):
         images = fix_images(recognizer, context, true_pose(0.033 * frame))
         take_frame(recognizer, context)
         if frame == 0:
-            generation = tracker.start_population(*images)
+            generation = tracker.start_population(images)
         else:
-            generation = tracker.track(generation, *images, frame=frame)
+            generation = tracker.track(generation, images, frame=frame)
         values = outputs(recognizer, context)
         np.testing.assert_array_equal(values["population"], generation.poses.ravel())
         np.testing.assert_array_equal(values["population_fitness"], generation.fitness)
@@ -246,10 +247,10 @@ def test_with_a_prediction_it_is_the_pure_tracker_on_the_predicted_poses():
         recognizer.GetInputPort("predicted_population").FixValue(context, predicted.ravel())
         take_frame(recognizer, context)
         if frame == 0:  # There is nothing to predict from yet.
-            generation = tracker.start_population(*images)
+            generation = tracker.start_population(images)
         else:
             last = Generation(predicted, generation.fitness)
-            generation = tracker.track(last, *images, frame=frame)
+            generation = tracker.track(last, images, frame=frame)
         values = outputs(recognizer, context)
         np.testing.assert_array_equal(values["population"], generation.poses.ravel())
         np.testing.assert_array_equal(values["population_fitness"], generation.fitness)
@@ -279,10 +280,10 @@ def test_in_a_simulation_it_is_the_pure_tracker_too():
     tracker = make_tracker()
     diagram, recognizer, _ = make_diagram(tracker)
     simulator = Simulator(diagram)
-    generation = tracker.start_population(*draw(true_pose(0.0)))
+    generation = tracker.start_population(draw(true_pose(0.0)))
     for frame in range(1, 6):
         images = draw(true_pose(Timing().TimeOfFrame(frame)))
-        generation = tracker.track(generation, *images, frame=frame)
+        generation = tracker.track(generation, images, frame=frame)
     simulator.AdvanceTo(0.17)
     values = outputs(recognizer, recognizer.GetMyContextFromRoot(simulator.get_context()))
     np.testing.assert_array_equal(values["population"], generation.poses.ravel())
@@ -367,9 +368,9 @@ def test_a_refined_pose_and_its_covariance_are_the_trackers():
         images = fix_images(recognizer, context, true_pose(0.03 * frame))
         take_frame(recognizer, context)
         if frame == 0:
-            generation = tracker.start_population(*images)
+            generation = tracker.start_population(images)
         else:
-            generation = tracker.track(generation, *images, frame=frame)
+            generation = tracker.track(generation, images, frame=frame)
         covariance = recognizer.GetOutputPort("pose_covariance").Eval(context).reshape(6, 6)
         pose = recognizer.GetOutputPort("pose").Eval(context)
         np.testing.assert_array_equal(pose, generation.best)
@@ -398,7 +399,8 @@ def test_all_of_its_state_is_discrete_numbers():
     context = recognizer.CreateDefaultContext()
     assert context.num_abstract_states() == 0
     assert context.num_continuous_states() == 0
-    assert len(state(context)) == 7 * N + 2 + 36  # poses, fitness, number, time, covariance
+    # Poses, fitness; number, time; covariance; white balance
+    assert len(state(context)) == 7 * N + 2 + 36 + 3
     assert recognizer.num_hypotheses == N
 
 

@@ -12,13 +12,14 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.recognition import SolidModel, StereoCamera
+from mffdrake.recognition import CameraRig, SolidModel
 from mffdrake.systems.models import ConfigureParser, FindModelsPath
 from mffdrake.systems.pa10 import AddPa10
 from mffdrake.systems.renderers import RENDERERS, AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 
-CAMERA = StereoCamera.from_fov(width=320, height=240, fov_y=math.radians(45.0))
+RIG = CameraRig.stereo(width=320, height=240, fov_y=math.radians(45.0))
+CAMERA, LEFT = RIG.cameras
 BOX = SolidModel.from_mesh_file(FindModelsPath() / "target_box.obj")
 
 
@@ -31,13 +32,13 @@ class Scene:
         add_models(self.plant)
         world = self.plant.world_frame()
         frame_C = self.plant.AddFrame(FixedOffsetFrame("camera_right", world, X_WC))
-        self.plant.AddFrame(FixedOffsetFrame("camera_left", frame_C, RigidTransform(CAMERA.p_CL)))
+        self.plant.AddFrame(FixedOffsetFrame("camera_left", frame_C, RigidTransform(LEFT.p_CK)))
         self.plant.Finalize()
         stereo = AddStereoCamera(
             builder,
             plant=self.plant,
             scene_graph=scene_graph,
-            camera=CAMERA,
+            rig=RIG,
             renderer=AddRenderer(scene_graph, renderer),
         )
         self._port = stereo.GetOutputPort("color_image_right")
@@ -63,7 +64,7 @@ def inside(face, X_CM):
     center, normal = X_CM @ BOX.centers[face], X_CM.rotation() @ BOX.normals[face]
     if normal @ center >= 0.0:
         return np.zeros((CAMERA.height, CAMERA.width), dtype=bool)
-    p, _ = CAMERA.project((X_CM @ BOX.vertices[list(BOX.faces[face])].T).T)
+    p = CAMERA.project((X_CM @ BOX.vertices[list(BOX.faces[face])].T).T)
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     side = np.roll(p, -1, axis=0) - p
     side /= np.linalg.norm(side, axis=1, keepdims=True)
@@ -73,7 +74,7 @@ def inside(face, X_CM):
 
 def outside(X_CM):
     """The pixels at least 2 px off the box's silhouette."""
-    p, _ = CAMERA.project((X_CM @ BOX.vertices.T).T)
+    p = CAMERA.project((X_CM @ BOX.vertices.T).T)
     mask = np.zeros((CAMERA.height, CAMERA.width), dtype=np.uint8)
     hull = cv2.convexHull(np.rint(p).astype(np.int32))
     cv2.fillConvexPoly(mask, hull, 1)

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.parts import MakeTracker
+from mffdrake.experiment.parts import MakeRig, MakeTracker
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import Generation, SolidModel
@@ -208,7 +208,13 @@ def test_a_frame_shows_the_plants_state_of_its_own_time(method):
     scenario = make_scenario(method)
     diagram = MakeHandEyeDiagram(scenario)
     solid = SolidModel.from_mesh_file(FindModelsPath() / "target_box.obj")
-    tracker = MakeTracker(scenario, solid, CalcDesiredPose(scenario, 0.0))
+    tracker = MakeTracker(
+        scenario.recognizer,
+        solid=solid,
+        rig=MakeRig(scenario),
+        seed=scenario.seed,
+        start_pose=CalcDesiredPose(scenario, 0.0),
+    )
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     plant = diagram.GetSubsystemByName("plant")
@@ -237,14 +243,14 @@ def test_a_frame_shows_the_plants_state_of_its_own_time(method):
     simulator.AdvanceTo(0.034)
     a_tick_later = images()
 
-    expected = tracker.track(last, *on_time, frame=1)
+    expected = tracker.track(last, on_time, frame=1)
     np.testing.assert_array_equal(
         population(recognizer.GetOutputPort("population")), expected.poses
     )
     np.testing.assert_array_equal(
         recognizer.GetOutputPort("population_fitness").Eval(recognizer_context), expected.fitness
     )
-    assert np.any(tracker.track(last, *a_tick_later, frame=1).fitness != expected.fitness)
+    assert np.any(tracker.track(last, a_tick_later, frame=1).fitness != expected.fitness)
 
 
 def test_a_controller_sees_a_vision_result_one_tick_later():

@@ -1,0 +1,57 @@
+"""What the commands that work on images have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mffdrake.recognition import SolidModel
+
+__all__ = ["ArgumentProblem", "LoadTarget", "SplitArguments"]
+
+
+class ArgumentProblem(ValueError):
+    """An argument of the command line is wrong; the message says how it must be."""
+
+
+def SplitArguments(option: str, form: str, values: Sequence[str]) -> list[tuple[str, str]]:
+    """Splits arguments of the form ``KEY=VALUE``.
+
+    Args:
+        option: The option's name, for messages.
+        form: How an argument must look, for messages.
+        values: The arguments.
+
+    Raises:
+        ArgumentProblem: When one is of another form.
+
+    Example:
+        >>> SplitArguments("--images", "NAME=SOURCE", ["left=a.png"])
+        [('left', 'a.png')]
+    """
+    pairs = []
+    for value in values:
+        key, equals, rest = value.partition("=")
+        if not (equals and key and rest):
+            raise ArgumentProblem(f"{option} {value}: must be {form}")
+        pairs.append((key, rest))
+    return pairs
+
+
+def LoadTarget(path: Path | str) -> SolidModel:
+    """The colored solid of a mesh file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ArgumentProblem: When it is no convex solid with a hue on every face.
+        OSError: When there is no such file.
+    """
+    try:
+        return SolidModel.from_mesh_file(path)
+    except FileNotFoundError:
+        raise
+    except (ValueError, OSError, KeyError, IndexError, NotImplementedError) as error:
+        text = " ".join(str(error).split())
+        raise ArgumentProblem(text if str(path) in text else f"{path}: {text}") from error

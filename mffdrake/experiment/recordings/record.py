@@ -1,0 +1,156 @@
+"""Records what a scenario's cameras see, for `track` and for others."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.yaml import yaml_dump, yaml_load_data
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, Diagram
+
+from mffdrake.experiment.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.parts import MakeRig
+from mffdrake.experiment.pictures import SaveImage
+from mffdrake.experiment.recordings.rig_file import DumpRig
+from mffdrake.experiment.recordings.trajectory import SaveTrajectory, Trajectory
+from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh
+from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
+
+__all__ = ["Record", "TrackCommand"]
+
+
+def Record(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    on_frame: Callable[[float, float], None] | None = None,
+) -> SimulationResult:
+    """Runs a scenario and writes what its cameras see and how they move.
+
+    The recording is
+
+    - ``images/right/000000.png`` and so on, a folder for each camera;
+    - ``rig.yaml``: the cameras;
+    - ``motion.tum``: the rig's pose in the world at every frame, as the motion feedforward knows
+      it; without feedforward as it is;
+    - ``true_poses.tum`` and ``live_poses.tum``: the target's true pose in the rig's frame, and the
+      one that was recognized while recording;
+    - ``start.tum``: the pose that a start near the target is drawn around;
+    - ``target.obj`` or the like: the target's mesh with its materials;
+    - ``scenario.yaml``, and of it ``recognizer.yaml``, for `track`.
+
+    Args:
+        scenario: What to simulate.
+        folder: Where to write; it must exist.
+        on_frame: Called after every frame with its simulated time and the wall time so far [s].
+
+    Returns:
+        The simulation's record.
+
+    Raises:
+        ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+        OSError: When the files cannot be written.
+    """
+    mesh = FindScenarioMesh(scenario)
+    diagram = MakeHandEyeDiagram(scenario)
+    rig = diagram.GetSubsystemByName("recognizer").tracker.matcher.rig
+    for name in rig.names:
+        (folder / "images" / name).mkdir(parents=True, exist_ok=True)
+    displacements: list[RigidTransform] = []
+
+    def OnExposure(context: Context) -> None:
+        for name in rig.names:
+            port = diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
+            image = port.Eval(context).data[:, :, :3]
+            SaveImage(image, folder / "images" / name / f"{len(displacements):06d}.png")
+        displacements.append(_Displacement(diagram, context))
+
+    result = Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=OnExposure)
+    for name, poses in (
+        ("motion", _Motion(scenario, result, displacements)),
+        ("true_poses", result.true_pose),
+        ("live_poses", result.recognized_pose),
+        ("start", CalcDesiredPose(scenario, 0.0)[None]),
+    ):
+        SaveTrajectory(Trajectory(result.time[: len(poses)], poses), folder / f"{name}.tum")
+    dumped = scenario.Dump()
+    for name, text in (
+        ("rig.yaml", DumpRig(rig)),
+        ("scenario.yaml", dumped),
+        ("recognizer.yaml", yaml_dump(yaml_load_data(dumped, private=True)["recognizer"])),
+    ):
+        with WholeFile(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    _CopyMesh(mesh, folder)
+    return result
+
+
+def TrackCommand(scenario: Scenario, folder: Path) -> str:
+    """The command that tracks a recording as it was tracked while recording.
+
+    Args:
+        scenario: What was recorded.
+        folder: Where.
+
+    Example:
+        >>> print(TrackCommand(Scenario(method="ga"), Path("rec")).partition(" --images")[0])
+        mffdrake track --rig rec/rig.yaml --target rec/target.obj
+    """
+    words = ["mffdrake", "track", "--rig", f"{folder}/rig.yaml", "--target"]
+    words += [f"{folder}/target{FindScenarioMesh(scenario).suffix}", "--images"]
+    words += [f"{name}={folder}/images/{name}" for name in MakeRig(scenario).names]
+    if scenario.method == "mff":
+        words += ["--motion", f"{folder}/motion.tum"]
+    else:
+        words += ["--rate", repr(1.0 / scenario.timing.vision_period)]
+    if scenario.recognizer.start == "near_target":
+        words += ["--start", f"{folder}/start.tum"]
+    words += ["--recognizer", f"{folder}/recognizer.yaml", "--seed", str(scenario.seed)]
+    return shlex.join([*words, "--out", f"{folder}/tracked"])
+
+
+def _Displacement(diagram: Diagram, context: Context) -> RigidTransform:
+    """The last frame's camera in the present one's, as the feedforward knows it."""
+    if not diagram.HasSubsystemNamed("predictor"):
+        return RigidTransform()
+    predictor = diagram.GetSubsystemByName("predictor")
+    port = predictor.GetOutputPort("camera_displacement")
+    # A copy: Drake will write the next frame's to the same place.
+    return RigidTransform(port.Eval(predictor.GetMyContextFromRoot(context)))
+
+
+def _Motion(
+    scenario: Scenario, result: SimulationResult, displacements: Sequence[RigidTransform]
+) -> NDArray[np.float64]:
+    """Pose vectors of the rig in the world at every frame, shape (K, 6)."""
+    X_WM = scenario.target.X_WM.GetDeterministicValue()
+    R_CM, p_CM = transform_from_pose(result.true_pose)
+    true = [
+        X_WM @ RigidTransform(RotationMatrix(R), p).inverse()
+        for R, p in zip(R_CM, p_CM, strict=True)
+    ]
+    poses = true
+    if scenario.method == "mff":
+        poses = true[:1]
+        for X_DC in displacements[1:]:
+            poses.append(poses[-1] @ X_DC.inverse())
+    return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in poses])
+
+
+def _CopyMesh(mesh: Path, folder: Path) -> None:
+    """Copies a mesh as ``target``, with the material files that an OBJ names."""
+    copy = folder / f"target{mesh.suffix}"
+    shutil.copyfile(mesh, copy)
+    if mesh.suffix.lower() == ".obj":
+        for line in mesh.read_text(encoding="utf-8").splitlines():
+            if line.startswith("mtllib "):
+                for name in line.split()[1:]:
+                    shutil.copyfile(mesh.parent / name, folder / name)
