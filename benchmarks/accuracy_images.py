@@ -31,6 +31,7 @@ from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 SEED = 900  # apart from those that the parameters were tuned on
 POSES = {320: 200, 640: 200, 1280: 60}
 NOISES = (0, 2, 5)
+BASELINE = 0.150
 GREY = 128.0
 
 
@@ -46,19 +47,19 @@ def random_poses(count: int) -> np.ndarray:
     return np.array(poses)
 
 
-def render(renderer: str, camera: mff.StereoCamera, poses: np.ndarray):
+def render(renderer: str, rig: mff.CameraRig, poses: np.ndarray):
     """Both images of every pose, one pair at a time."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     mff.AddPa10(plant)
-    mff.AddCameraFrames(plant, baseline=camera.baseline)
+    mff.AddCameraFrames(plant, baseline=BASELINE)
     parser = Parser(plant)
     mff.ConfigureParser(parser)
     parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
     plant.Finalize()
     mff.AddRenderer(scene_graph, renderer)
     stereo = mff.AddStereoCamera(
-        builder, plant=plant, scene_graph=scene_graph, camera=camera, renderer=renderer
+        builder, plant=plant, scene_graph=scene_graph, rig=rig, renderer=renderer
     )
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
@@ -99,20 +100,19 @@ def displaced(psi: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([position, compose_quaternion_vectors(eps, psi[3:])])
 
 
-def bound(solid: mff.SolidModel, camera: mff.StereoCamera, psi: np.ndarray, noise: float):
+def bound(solid: mff.SolidModel, rig: mff.CameraRig, psi: np.ndarray, noise: float):
     """Cramer-Rao bound of the covariance of (position, rotation vector)."""
-    lines = _edge_lines.edge_lines(
-        psi, solid.vertices, solid.edges, camera.focal_length, camera.baseline
-    )
-    R, information, J = rotation_matrix(psi[3:]), np.zeros((6, 6)), np.empty(6)
+    nothing = [np.zeros((camera.height, camera.width, 3), dtype=np.uint8) for camera in rig.cameras]
+    lines = _edge_lines.edge_lines(psi, solid.vertices, solid.edges, rig.views(nothing))
+    R, information = rotation_matrix(psi[3:]), np.zeros((6, 6))
     grey = np.full(3, GREY)
     colors = 255.0 * np.array(
         [colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 1.0, 1.0) for hue in solid.hues]
     )
-    for index in range(len(lines)):
-        camera_index, edge = divmod(index, len(solid.edges))
-        shift = camera.baseline * camera_index
-        origin = psi[:3] + np.array([shift, 0.0, 0.0])
+    for slot, line in enumerate(lines):
+        camera_index, edge = divmod(slot, len(solid.edges))
+        camera = rig.cameras[camera_index]
+        origin = psi[:3] - camera.p_CK
         faces = [
             face for face in solid.edge_faces[edge]
             if (R @ solid.normals[face]) @ (R @ solid.centers[face] + origin) < 0.0
@@ -120,10 +120,13 @@ def bound(solid: mff.SolidModel, camera: mff.StereoCamera, psi: np.ndarray, nois
         if faces:
             other = colors[faces[1]] if len(faces) > 1 else grey
             contrast = np.sum((colors[faces[0]] - other) ** 2)
-            least, greatest = sorted(lines[index, 4:6])
-            for at in np.arange(math.ceil(least), greatest):
-                _edge_lines.crossing_jacobian(lines, index, at, psi, camera.focal_length, shift, J)
-                information += np.outer(J, J) * contrast / noise**2
+            least, greatest = sorted((line["first"], line["last"]))
+            along = np.arange(math.ceil(least), greatest)
+            across, x, y = np.empty((3, len(along)))
+            J = np.empty((len(along), 6))
+            _edge_lines.cross(camera.eye, line, along, across, x, y)
+            _edge_lines.cross_jacobians(camera.eye, line, x, y, psi, J)
+            information += J.T @ J * contrast / noise**2
     return np.linalg.inv(information)
 
 
@@ -137,7 +140,7 @@ def measure(refiner: BorderRefiner, poses, images, noise: float, hidden: bool) -
             np.clip(np.rint(im + rng.normal(0.0, noise, im.shape)), 0, 255).astype(np.uint8)
             for im in pair
         ]
-        result = refiner.refine(displaced(psi, rng), *noisy)
+        result = refiner.refine(displaced(psi, rng), noisy)
         if result.converged:
             error = result.pose - psi
             errors.append(1e3 * error[:3])
@@ -156,17 +159,19 @@ def table() -> str:
     solid = mff.SolidModel.from_mesh_file(mff.FindModelsPath() / "target_box.obj")
     model, rows = mff.SearchModel(solid), []
     for width, count in tqdm(POSES.items(), unit="size"):
-        camera = mff.StereoCamera.from_fov(width=width, height=width * 3 // 4, fov_y=math.pi / 4)
-        refiner = BorderRefiner(mff.Matcher(model, camera))
+        rig = mff.CameraRig.stereo(
+            width=width, height=width * 3 // 4, fov_y=math.pi / 4, baseline=BASELINE
+        )
+        refiner = BorderRefiner(mff.Matcher(model, rig))
         poses = random_poses(count)
         size = f"{width} x {width * 3 // 4}"
         for renderer in ("flat", "vtk"):
-            images = list(render(renderer, camera, poses))
+            images = list(render(renderer, rig, poses))
             for noise, hidden in [*((noise, False) for noise in NOISES), (2, True)]:
                 cells = measure(refiner, poses, images, noise, hidden)
                 rows.append([size, renderer, noise, "half" if hidden else "", *cells])
         for noise in NOISES[1:]:
-            C = np.mean([bound(solid, camera, psi, noise) for psi in poses[:40]], axis=0)
+            C = np.mean([bound(solid, rig, psi, noise) for psi in poses[:40]], axis=0)
             std, turn = 1e3 * np.sqrt(np.diag(C)[:3]), np.degrees(np.sqrt(np.trace(C[3:, 3:])))
             position = np.linalg.norm(std)
             numbers = [f"{value:.4f}" for value in (*std, position, turn)]

@@ -25,18 +25,18 @@ SIZES = ((320, 240), (640, 480), (1280, 960))
 
 def time_pair(renderer: str, width: int, height: int) -> float:
     """Median wall time of a pair, from the arm's pose to both images [ms]."""
-    camera = mff.StereoCamera.from_fov(width=width, height=height, fov_y=0.785)
+    rig = mff.CameraRig.stereo(width=width, height=height, fov_y=0.785, baseline=0.150)
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
     mff.AddPa10(plant)
-    mff.AddCameraFrames(plant, baseline=camera.baseline)
+    mff.AddCameraFrames(plant, baseline=0.150)
     parser = Parser(plant)
     mff.ConfigureParser(parser)
     parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
     plant.Finalize()
     ADDERS[renderer](scene_graph, renderer)
     stereo = mff.AddStereoCamera(
-        builder, plant=plant, scene_graph=scene_graph, camera=camera, renderer=renderer
+        builder, plant=plant, scene_graph=scene_graph, rig=rig, renderer=renderer
     )
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

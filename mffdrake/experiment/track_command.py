@@ -205,8 +205,14 @@ def _LastRefinement(
         "reason": "" if last.estimate.refined else result.reason,
         "num_borders": result.num_borders,
         "explained": result.explained,
-        "residual_px": None if np.isnan(result.residual) else result.residual,
+        "residual_px": _Number(result.residual),
+        "expected_residual_px": _Number(result.expected_residual),
     }
+
+
+def _Number(value: float) -> float | None:
+    """A number that JSON knows."""
+    return value if np.isfinite(value) else None
 
 
 def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:

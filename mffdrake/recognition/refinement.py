@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,10 @@ class RefinementParameters:
             [px]: where a renderer or a lens puts an edge. (On the flat renderer and on VTK it was
             measured to be no more than what rounding explains.)
         min_trusted: Least mean robust weight of the borders (0 to 1).
+        max_residual: Greatest root-mean-square distance of the trusted borders from the edges, as a
+            multiple of what is expected of the images (`Refinement.expected_residual`). It is
+            greater where cameras do not stand or bend as the rig says, and at wrong poses.
+        min_fitness: Least fitness of a refined pose (0 to 1).
         max_position_std: Greatest standard deviation of the refined position [m].
         max_rotation_std_deg: Greatest standard deviation of the refined orientation [deg].
         max_shift: Greatest distance of the refined position from the given one [m].
@@ -73,6 +77,8 @@ class RefinementParameters:
     border_error: float = 0.03
     edge_error: float = 0.01
     min_trusted: float = 0.5
+    max_residual: float = 4.0
+    min_fitness: float = 0.25
     max_position_std: float = 0.002
     max_rotation_std_deg: float = 1.0
     max_shift: float = 0.030
@@ -94,6 +100,8 @@ class RefinementParameters:
             ("border_error", 1e-6, math.inf),
             ("edge_error", 0.0, math.inf),
             ("min_trusted", 0.0, 1.0),
+            ("max_residual", 0.0, math.inf),
+            ("min_fitness", 0.0, 1.0),
             ("max_position_std", 0.0, math.inf),
             ("max_rotation_std_deg", 0.0, math.inf),
             ("max_shift", 0.0, math.inf),
@@ -122,6 +130,7 @@ class Refinement:
         num_jumps: Number of places where a border jumps to the next pixel.
         trusted: Mean robust weight of the borders, 0 to 1.
         residual: Root of the mean squared distance of the trusted borders from the edges [px].
+        expected_residual: What rounding, blending and the cameras' calibration explain of it [px].
         hardness: From 0 for an image whose borders blend as the covered areas do, to 1 where
             every pixel shows one color.
     """
@@ -136,6 +145,7 @@ class Refinement:
     num_jumps: int = 0
     trusted: float = 0.0
     residual: float = math.nan
+    expected_residual: float = math.nan
     hardness: float = math.nan
 
 
@@ -245,37 +255,50 @@ class BorderRefiner:
             _borders.BorderRules(*self._rules),
             tuple(_borders.Stage(*stage) for stage in self._stages),
         )
-        refined, C, trusted = result.pose, result.covariance, result.trusted
-        reason = _OUTCOMES[result.outcome] or self._doubt(given, refined, C, trusted)
+        errors = [camera.calibration_error for camera in self.matcher.rig.cameras]
+        expected = math.hypot(
+            self.parameters.border_error,
+            math.sqrt(result.hardness / 12.0),
+            math.sqrt(float(np.mean(np.square(errors)))),
+        )
+        refined, C = result.pose, result.covariance
+        found: dict[str, Any] = {
+            "num_borders": result.num_borders,
+            "explained": result.num_borders / max(1, result.sought),
+            "num_jumps": result.num_jumps, "trusted": result.trusted, "residual": result.scale,
+            "expected_residual": expected, "hardness": result.hardness,
+        }  # fmt: skip
+        reason = _OUTCOMES[result.outcome] or self._doubt(
+            given, Refinement(refined, covariance=C, **found)
+        )
         fitness = math.nan
         if not reason:
             both = np.stack([refined, given])
-            fitness, least = self.matcher.fitness(both, images, gains=gains).tolist()
-            if fitness < least - self.parameters.fitness_tolerance:
+            fitness, before = self.matcher.fitness(both, images, gains=gains).tolist()
+            if fitness < before - self.parameters.fitness_tolerance:
                 reason = "less fit"
-        found = {
-            "num_borders": result.num_borders,
-            "explained": result.num_borders / max(1, result.sought), "num_jumps": result.num_jumps,
-            "trusted": trusted, "residual": result.scale, "hardness": result.hardness,
-        }  # fmt: skip
+            elif fitness < self.parameters.min_fitness:
+                reason = "not fit"
         if reason:
             return Refinement(given, False, reason, **found)
         to_pose = np.eye(6)
         to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
         return Refinement(refined, True, "", to_pose @ C @ to_pose.T, fitness, **found)
 
-    def _doubt(self, given: Array, refined: Array, covariance: Array, trusted: float) -> str:
+    def _doubt(self, given: Array, result: Refinement) -> str:
         """What speaks against a refined pose, in words; nothing if it is empty."""
-        p, variances = self.parameters, np.diag(covariance)
-        if trusted < p.min_trusted:
+        p, variances = self.parameters, np.diag(result.covariance)
+        if result.trusted < p.min_trusted:
             return "the borders contradict each other"
+        if result.residual > p.max_residual * result.expected_residual:
+            return "the borders lie too far from the edges"
         if not (
             variances[:3].sum() <= p.max_position_std**2
             and variances[3:].sum() <= math.radians(p.max_rotation_std_deg) ** 2
         ):
             return "too uncertain"
-        shift = np.linalg.norm(refined[:3] - given[:3])
-        turn = float(rotation_angle(refined[3:], given[3:]))
+        shift = np.linalg.norm(result.pose[:3] - given[:3])
+        turn = float(rotation_angle(result.pose[3:], given[3:]))
         if not (shift <= p.max_shift and turn <= math.radians(p.max_turn_deg)):
             return "too far from the given pose"
         return ""

@@ -70,7 +70,7 @@ def magnification(camera, p_K):
 @functools.cache
 def fold_radius(camera):
     """The normalized radius up to which the image grows with it, by trying all of them."""
-    radii = np.arange(1, 20_000) * 1e-3
+    radii = np.arange(1, 100_000) * 1e-4
     k = np.array(camera.distortion.coefficients)
     if camera.distortion.model == "plumb_bob":
         k[2:4] = 0.0  # the symmetric part alone
@@ -170,7 +170,7 @@ def _shown(image, points, camera, matcher):
         return []
     q = np.array(points)
     x, y = q[:, :2].T / q[:, 2]
-    seen = (q[:, 2] > 0) & (np.hypot(x, y) < fold_radius(camera))
+    seen = (q[:, 2] > 0) & (np.hypot(x, y) < 0.999 * fold_radius(camera))  # a little less
     pixels = np.full((len(q), 2), -1)
     pixels[seen] = np.floor(project(camera, q[seen]) + 0.5)
     return [

@@ -23,6 +23,8 @@ __all__ = ["DumpRig", "LoadRig", "RigError"]
 _NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 _ALL_NUMBERS = ", ".join(_NUMBERS)
 
+_FILE_ERROR = 1.0  # [px] What the calibration of a real camera may well leave
+
 
 class RigError(ValueError):
     """A rig file is wrong; the message is one line for the person who wrote it."""
@@ -78,7 +80,8 @@ def LoadRig(path: Path | str) -> CameraRig:
     - ``X_CK``, optional: the camera's pose in the rig's frame, ``{translation: [x, y, z], rotation:
       !Rpy {deg: [r, p, y]}}``, with ``!AngleAxis {angle_deg: a, axis: [x, y, z]}`` as in scenarios
       or the exact ``!Matrix {rows: [[...], [...], [...]]}`` instead of ``!Rpy``;
-    - ``calibration_error`` [px], optional, see `Camera`.
+    - ``calibration_error`` [px], optional, see `Camera`; by default 1 px with a calibration file,
+      which stands for a real camera, and 0 px with numbers.
 
     The rig's frame is the world where a calibration file tells its camera's place there: then each
     camera has a place, by its file or by ``X_CK``. Otherwise only the first camera may be without
@@ -241,7 +244,8 @@ def _FromFile(folder: Path, name: str, data: dict[str, Any]) -> _Placed:
         raise RigError(f"{where}.calibration: {error}") from error
     except OSError as error:
         raise RigError(f"{where}.calibration: {file}: {error.strerror}") from error
-    return _Placed(read.camera, "world" if read.has_pose else "")
+    camera = dc.replace(read.camera, calibration_error=_FILE_ERROR)
+    return _Placed(camera, "world" if read.has_pose else "")
 
 
 def _FromNumbers(folder: Path, name: str, data: dict[str, Any]) -> _Placed:
