@@ -18,6 +18,8 @@ from mffdrake.recognition.tracker import ColoredStart, Generation, OneStepGaTrac
 
 Array = NDArray[np.float64]
 
+_POLISHING = 0.9  # share of the children that are small motions of the best
+
 
 @dataclass(frozen=True, kw_only=True)
 class SearchParameters:
@@ -31,6 +33,8 @@ class SearchParameters:
         progress: ... an increase of the fitness by this.
         turn_every: In every so-manieth generation the best pose is also tried turned, see
             `find_turns`.
+        polish: In the end the fittest pose's population is bred for so many generations without
+            newcomers; at most a fifth of all generations.
         agreement: The search has converged when so many rounds ended at the fittest pose.
         same_position: Two rounds ended at the same pose if it is no farther apart than this share
             of the solid's size ...
@@ -43,6 +47,7 @@ class SearchParameters:
     patience: int = 20
     progress: float = 0.005
     turn_every: int = 4
+    polish: int = 40
     agreement: int = 3
     same_position: float = 0.1
     same_rotation_deg: float = 10.0
@@ -50,7 +55,8 @@ class SearchParameters:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         for name, low in (
-            ("patience", 1), ("progress", 0), ("turn_every", 1), ("agreement", 1),
+            ("patience", 1), ("progress", 0), ("turn_every", 1), ("polish", 0),
+            ("agreement", 1),
             ("same_position", 0), ("same_rotation_deg", 0),
         ):  # fmt: skip
             value = getattr(self, name)
@@ -99,6 +105,8 @@ class PoseSearch:
         self.tracker = tracker
         self.parameters = SearchParameters() if parameters is None else parameters
         self._breeder = dc.replace(tracker, refiner=NoRefinement(), start=ColoredStart())
+        local = dc.replace(tracker.parameters, newcomer_share=0.0, local_share=_POLISHING)
+        self._polisher = dc.replace(self._breeder, parameters=local)
 
     def search(
         self,
@@ -127,43 +135,52 @@ class PoseSearch:
         if generations < 1:
             raise ValueError(f"generations must be at least 1, not {generations}")
         p, count = self.parameters, 0
+        polish = min(p.polish, generations // 5)
         ends: list[Generation] = []
-        while count < generations:
-            population, best, still = None, 0.0, 0
-            while count < generations and still < p.patience:
-                # The random numbers of a generation are its own, whatever the frame before took.
-                number = frame + (count << 32)
-                if population is None:
-                    population = self._breeder.start_population(
-                        images, frame=number, gains=gains
-                    )
-                else:
-                    proposals = None
-                    if count % p.turn_every == 0:
-                        proposals = turn_about_middle(
-                            population.best, self.tracker.matcher.solid, self._turns
-                        )
-                    population = self._breeder.track(
-                        population, images, frame=number, proposals=proposals
-                    )
-                count += 1
+
+        def step(breed: Callable[[int], Generation]) -> Generation:
+            nonlocal count
+            # The random numbers of a generation are its own, whatever the frame before took.
+            population = breed(frame + (count << 32))
+            count += 1
+            if on_generation is not None:
+                top = max(float(end.fitness[0]) for end in [*ends, population])
+                on_generation(count, top)
+            return population
+
+        while count < generations - polish:
+            population = step(
+                lambda number: self._breeder.start_population(images, frame=number, gains=gains)
+            )
+            best, still = float(population.fitness[0]), 0
+            while count < generations - polish and still < p.patience:
+                population = step(
+                    lambda number, last=population: self._breed(last, images, number)  # type: ignore[misc]
+                )
                 fitness = float(population.fitness[0])
                 still = 0 if fitness > best + p.progress else still + 1
                 best = fitness if still == 0 else best
-                if on_generation is not None:
-                    top = max(float(end.fitness[0]) for end in [*ends, population])
-                    on_generation(count, top)
-            assert population is not None
             ends.append(population)
             if len(self._agreeing(ends)) >= p.agreement:
                 break
         agreeing = self._agreeing(ends)
+        converged = len(agreeing) >= p.agreement
+        for _ in range(polish):
+            agreeing[0] = step(
+                lambda number: self._polisher.track(agreeing[0], images, frame=number)
+            )
         # Where the fittest cannot be refined, one that agrees with it may be.
         refined = [self.tracker.refine(end, images) for end in agreeing]
         sure = [end for end in refined if end.covariance is not None]
-        return Found(
-            (sure or refined)[0], count, len(ends), len(agreeing) >= p.agreement
-        )
+        return Found((sure or refined)[0], count, len(ends), converged)
+
+    def _breed(self, population: Generation, images: Images, number: int) -> Generation:
+        """The next generation; now and then the best pose is tried turned, too."""
+        proposals = None
+        if (number >> 32) % self.parameters.turn_every == 0:
+            solid = self.tracker.matcher.solid
+            proposals = turn_about_middle(population.best, solid, self._turns)
+        return self._breeder.track(population, images, frame=number, proposals=proposals)
 
     @cached_property
     def _turns(self) -> Array:

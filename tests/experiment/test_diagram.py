@@ -18,6 +18,7 @@ from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.scenario import LoadScenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate
 from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.recognition import AdaptiveWhiteBalance
 from mffdrake.recognition.pose import pose_from_transform
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 from mffdrake.systems.models import FindModelsPath
@@ -166,7 +167,8 @@ def test_the_scenarios_choices_reach_the_parts():
     diagram = MakeHandEyeDiagram(
         load(
             "seed: 5\n"
-            "recognizer: {population_size: 30, coding: gray, generations_per_frame: 2}\n"
+            "recognizer: {population_size: 30, coding: gray, generations_per_frame: 2,"
+            " white_balance_rate: 0.02}\n"
             "timing: {control_period: 0.002, vision_period: 0.05}\n"
             "controller: {gravity_compensation: false}\n"
         )
@@ -176,6 +178,7 @@ def test_the_scenarios_choices_reach_the_parts():
     assert tracker.coding.coding == "gray"
     assert tracker.generations_per_frame == 2
     assert tracker.seed == 5
+    assert tracker.white_balance == AdaptiveWhiteBalance(0.02)
     assert diagram.GetSubsystemByName("plant").time_step() == 0.002
     assert names(diagram) == PARTS - {"gravity_compensation"}
     simulator = Simulator(diagram)

@@ -375,13 +375,15 @@ recognizer:
     eps2: [-0.3, 0.3]
     eps3: [-0.2, 0.2]
   refinement: borders
+  white_balance_rate: 0.02
   start: near_target
   start_spread: [0.02, 0.03]
-  sampling: {spacing: 0.025, margin: null, strip_offsets: [0.006]}
+  sampling: {spacing: 0.025, min_cells: 2, margin: null, strip_offsets: [0.006]}
   matching:
     hue_tolerance_deg: 25
     min_saturation: 0.4
     min_value: 0.3
+    min_chroma: 0.1
     min_cosine: 0.02
     min_border_distance: 0
   local_moves: {depth: 0.1, shift: 0.02, rotation_deg: 20, decades: 1.5, sparsity: 0.4}
@@ -496,6 +498,9 @@ def test_a_dump_shows_every_key():
         ("recognizer: {sampling: {margin: -1}}", "recognizer.sampling.*margin", "positive or null"),
         ("recognizer: {sampling: {strip_offsets: []}}", "strip_offsets", "one or more positive"),
         ("recognizer: {matching: {min_value: 2}}", "recognizer.matching.*min_value", "0 and 1"),
+        ("recognizer: {matching: {min_chroma: 2}}", "recognizer.matching.*min_chroma", "0 and 1"),
+        ("recognizer: {sampling: {min_cells: 0}}", "recognizer.sampling.*min_cells", "at least 1"),
+        ("recognizer: {white_balance_rate: -0.1}", "recognizer.white_balance_rate", "at least 0"),
         ("recognizer: {local_moves: {depth: -1}}", "local_moves.*depth", "at least 0"),
         ("controller: {kd: [-1, 0, 0, 0, 0, 0, 0]}", "controller.kd", "at least 0"),
         # Choices.

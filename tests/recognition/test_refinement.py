@@ -1,5 +1,6 @@
 """Sub-pixel refinement of poses from color borders, on synthetic images."""
 
+import dataclasses
 import itertools
 import math
 
@@ -26,6 +27,7 @@ from mffdrake.recognition import (
     CameraRig,
     Generation,
     Matcher,
+    MatchingParameters,
     NearStart,
     NoRefinement,
     OneStepGaTracker,
@@ -402,6 +404,84 @@ def test_half_of_the_target_hidden(side, color):
     assert (root_mean_square(found) < [1.5, 0.5]).all()
 
 
+# Other rigs
+
+
+def refined_errors(rig, poses, solid=BOX, noise=4, sampling=4):
+    """Errors [mm], [deg] of refined poses, and their normalized estimation errors squared."""
+    refiner, rng = BorderRefiner(Matcher(SearchModel(solid), rig)), np.random.default_rng(31)
+    found, values = [], []
+    for psi in poses:
+        images = noisy(render(solid, psi, rig, supersampling=sampling), rng, noise)
+        result = refiner.refine(displaced(psi, rng), images)
+        assert result.converged, result.reason
+        found.append(errors(result.pose, psi))
+        values.append(nees(result, psi))
+    return root_mean_square(found), np.mean(values)
+
+
+def test_odd_cameras_are_as_accurate_as_the_pair_and_a_third_camera_more():
+    # Poses that all of the cameras see
+    cameras = [camera for rig in (RIG, odd_rig("barrel", "barrel")) for camera in rig.cameras]
+    every = CameraRig(dataclasses.replace(c, name=f"{k}") for k, c in enumerate(cameras))
+    poses = random_poses_in_view(np.random.default_rng(32), BOX, every, 20)
+    found, values = {}, {}
+    for name in ("pair", "plumb_bob", "equidistant", "three", "alone"):
+        found[name], values[name] = refined_errors(RIGS[name], poses)
+    # Twenty poses tell errors to within a fifth.
+    assert (found["pair"] < [0.08, 0.015]).all()
+    for name in ("plumb_bob", "equidistant"):
+        assert (found[name] < 1.2 * found["pair"]).all()
+        assert (found["three"] < 0.95 * found[name]).all()
+    assert (found["three"] < 0.95 * found["pair"]).all()
+    # One camera takes depth from the target's size in the image.
+    assert (found["alone"] < [0.2, 0.03]).all()
+    assert all(0.3 < value < NEES_OF_20 for value in values.values())
+
+
+@pytest.mark.parametrize("rig", ["three", "equidistant"])
+def test_refinement_does_not_depend_on_where_the_rig_s_frame_is(rig):
+    rig = RIGS[rig]
+    rng = np.random.default_rng(33)
+    [psi] = random_poses_in_view(rng, BOX, rig, 1)
+    images = noisy(render(BOX, psi, rig, supersampling=3), rng, 3)
+    start = displaced(psi, rng)
+    R_DC, p_DC = rotation((0.2, -0.3, 0.1)), np.array([0.3, -0.2, 0.5])
+    moved = CameraRig(
+        dataclasses.replace(c, R_CK=R_DC @ c.R_CK, p_CK=R_DC @ c.p_CK + p_DC) for c in rig.cameras
+    )
+    here = BorderRefiner(Matcher(SearchModel(BOX), rig)).refine(start, images)
+    refiner = BorderRefiner(Matcher(SearchModel(BOX), moved))
+    there = refiner.refine(transport_pose(start, R_DC, p_DC), images)
+    assert here.converged and there.converged
+    assert there.num_borders == here.num_borders and there.fitness == pytest.approx(here.fitness)
+    np.testing.assert_allclose(there.pose, transport_pose(here.pose, R_DC, p_DC), atol=1e-7)
+    turned = R_DC @ here.covariance[:3, :3] @ R_DC.T
+    np.testing.assert_allclose(there.covariance[:3, :3], turned, rtol=1e-3, atol=1e-12)
+
+
+def test_bgr_images_and_gains():
+    start = displaced(TRUTH, np.random.default_rng(34))
+    expected = REFINER.refine(start, IMAGES[SMOOTH])
+    bgr = BorderRefiner(Matcher(SearchModel(BOX), RIG, channel_order="bgr"))
+    swapped = [image[..., ::-1] for image in IMAGES[SMOOTH]]
+    found = bgr.refine(start, swapped)
+    assert found.converged and found.num_borders == expected.num_borders
+    np.testing.assert_allclose(found.pose, expected.pose, rtol=0, atol=1e-9)
+    assert REFINER.refine(start, swapped).num_borders < 0.8 * expected.num_borders
+    # Reddish light
+    dim = [
+        np.rint((0.15 + 0.6 * (image / 255.0)) * [255.0, 90.0, 70.0]).astype(np.uint8)
+        for image in IMAGES[SMOOTH]
+    ]
+    refiner = BorderRefiner(Matcher(SearchModel(BOX), RIG, MatchingParameters(min_saturation=0.5)))
+    balanced = refiner.refine(start, dim, gains=(1.0, 255.0 / 90.0, 255.0 / 70.0))
+    assert balanced.converged
+    assert (errors(balanced.pose, TRUTH) < np.array([0.2, 0.05])).all()
+    unbalanced = refiner.refine(start, dim)
+    assert not unbalanced.converged or unbalanced.num_borders < 0.8 * balanced.num_borders
+
+
 # Covariance
 
 
@@ -418,6 +498,76 @@ def test_the_covariance_is_not_too_small(sampling, noise):
             values.append(nees(result, psi))
     assert len(values) >= 19
     assert 0.3 < np.mean(values) < NEES_OF_20
+
+
+# Calibration errors
+
+UNBOUNDED = RefinementParameters(max_position_std=1.0, max_rotation_std_deg=90.0)
+
+
+def with_errors(rig, *deviations):
+    """A rig whose cameras may be off by so many pixels each."""
+    return CameraRig(
+        dataclasses.replace(camera, calibration_error=deviation)
+        for camera, deviation in zip(rig.cameras, deviations, strict=True)
+    )
+
+
+@pytest.mark.parametrize("name", ["pair", "plumb_bob", "alone"])
+def test_a_calibration_error_adds_as_much_as_poses_scatter(name):
+    # All that a camera shows is off, its own way each time.
+    rig, deviation, rng = RIGS[name], 0.3, np.random.default_rng(35)
+    certain, erring = (
+        BorderRefiner(Matcher(SearchModel(BOX), given), UNBOUNDED)
+        for given in (rig, with_errors(rig, *[deviation] * len(rig.cameras)))
+    )
+    [psi] = random_poses_in_view(np.random.default_rng(36), BOX, rig, 1)
+    values, plain_values, deviations, added = [], [], [], []
+    for _ in range(40):
+        off = CameraRig(
+            dataclasses.replace(
+                c, cx=c.cx + rng.normal(0.0, deviation), cy=c.cy + rng.normal(0.0, deviation)
+            )
+            for c in rig.cameras
+        )
+        images = render(BOX, psi, off, supersampling=3)
+        plain, result = (refiner.refine(psi, images) for refiner in (certain, erring))
+        assert plain.converged and result.converged
+        np.testing.assert_allclose(result.pose, plain.pose, atol=1e-12)
+        values.append(nees(result, psi))
+        plain_values.append(nees(plain, psi))
+        deviations.append(result.pose - psi)
+        added.append(result.covariance - plain.covariance)
+    # Of 240 normal errors; but what one camera's error moves are two of six directions.
+    freedoms = min(6, 2 * len(rig.cameras))
+    assert 0.7 * freedoms < np.mean(values) < 1.3 * 6.0
+    assert np.mean(plain_values) > 5.0 * np.mean(values)
+    # Forty errors tell their spread to within a ninth.
+    stated = np.sqrt(np.diag(np.mean(added, axis=0)))
+    np.testing.assert_allclose(root_mean_square(deviations), stated, rtol=0.35)
+
+
+def test_every_camera_adds_its_own_square():
+    rig = RIGS["three"]
+    psi = random_poses_in_view(np.random.default_rng(37), BOX, rig, 1)[0]
+    images = render(BOX, psi, rig, supersampling=3)
+
+    def covariance(*deviations):
+        erring = Matcher(SearchModel(BOX), with_errors(rig, *deviations))
+        result = BorderRefiner(erring, UNBOUNDED).refine(psi, images)
+        assert result.converged
+        return result.covariance
+
+    none = covariance(0.0, 0.0, 0.0)
+    plain = BorderRefiner(Matcher(SearchModel(BOX), rig)).refine(psi, images)
+    np.testing.assert_array_equal(none, plain.covariance)
+    alone = [covariance(*row) - none for row in 0.2 * np.eye(3)]
+    for added in alone:
+        # Two directions: those of a shift along u and along v.
+        sizes = np.linalg.eigvalsh(added)
+        assert sizes[-2] > 0.0 and np.abs(sizes[:-2]).max() < 1e-9 * sizes[-1]
+    both = covariance(0.2, 0.0, 0.6) - none
+    np.testing.assert_allclose(both, alone[0] + 9.0 * alone[2], rtol=1e-6, atol=1e-15)
 
 
 # When it fails
