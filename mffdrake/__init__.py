@@ -24,6 +24,9 @@ _MODULES = {
     "experiment.paper_numbers": "InvarianceRatio PAPER Quartiles Verdict",
     "experiment.pictures": "DrawCameraView DrawScene SaveDiagram SaveImage",
     "experiment.plotting": "PlotComparison PlotErrors PlotHandPath PlotPose SaveFigure",
+    "experiment.recordings.color_file": "DumpColors LoadColors",
+    "experiment.recordings.record": "Record",
+    "experiment.recordings.rig_file": "DumpRig LoadRig RigError",
     "experiment.report": "Reproduce WriteReport",
     "experiment.reproduction": "Reproduction RunPlan Summarize",
     "experiment.scenario": "LoadScenario Scenario ScenarioError",
@@ -33,12 +36,16 @@ _MODULES = {
     "experiment.sweep": "Sweep",
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
-        "BorderRefiner Camera CameraRig ColorModel Distortion FaceColor GeneCoding GeneticParameters LocalMoveParameters Matcher MatchingParameters "
-        "NearStart OneStepGaTracker RandomStart RefinementParameters SamplingParameters "
-        "SearchModel SearchRange SolidModel"
+        "AdaptiveWhiteBalance BorderRefiner Camera CameraRig ColorModel ColoredStart Distortion "
+        "Estimate FaceColor GeneCoding GeneticParameters LocalMoveParameters Matcher "
+        "MatchingParameters NearStart OneStepGaTracker PoseSearch PoseTracker RandomStart "
+        "RefinementParameters SamplingParameters SearchModel SearchParameters SearchRange "
+        "SolidModel"
     ),
+    "recognition.calibration": "CalibrationError read_camera",
     "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
     "systems.camera_delay": "AddDelay",
+    "systems.camera_info": "CameraFromInfo MakeCameraInfo",
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",
     "systems.hand_path": "AddHandPathSource HandPath SolveHandPath",
     "systems.inverse_kinematics": "UnreachablePathError",

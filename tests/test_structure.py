@@ -22,8 +22,9 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    "experiment/commands.py", "experiment/main.py", "experiment/reproduce_command.py",
-    "experiment/sweep_command.py", "systems/_graphics_probe.py",
+    "experiment/colors_command.py", "experiment/commands.py", "experiment/main.py",
+    "experiment/reproduce_command.py", "experiment/sweep_command.py",
+    "experiment/track_command.py", "systems/_graphics_probe.py",
 }  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.recordings.arguments import (
-    ArgumentProblem,
+    ArgumentsError,
     LoadTarget,
     SplitArguments,
 )
@@ -50,7 +50,7 @@ def RunColors(options: argparse.Namespace) -> int:
     images = {}
     for name, file in SplitArguments("--images", "NAME=FILE", options.images):
         if name not in rig.names:
-            raise ArgumentProblem(
+            raise ArgumentsError(
                 f"--images {name}=...: the rig has the cameras {', '.join(rig.names)}"
             )
         images[name] = ReadImage(file)
@@ -82,22 +82,20 @@ def _ReadMasks(given: list[str], solid: SolidModel, images: dict[str, Image]) ->
     for material, place in SplitArguments("--masks", "MATERIAL=NAME:FILE", given):
         name, colon, file = place.partition(":")
         if not colon:
-            raise ArgumentProblem(
+            raise ArgumentsError(
                 f"--masks {material}={place}: must be MATERIAL=NAME:FILE, NAME being a camera"
             )
         if material not in solid.materials:
             known = ", ".join(dict.fromkeys(solid.materials))
-            raise ArgumentProblem(
-                f"--masks {material}=...: the target has the materials {known}"
-            )
+            raise ArgumentsError(f"--masks {material}=...: the target has the materials {known}")
         if name not in images:
-            raise ArgumentProblem(
+            raise ArgumentsError(
                 f"--masks {material}={name}:...: there is no image of camera '{name}', but of "
                 f"{', '.join(images)}"
             )
         mask = ReadMask(file)
         if mask.shape != images[name].shape[:2]:
-            raise ArgumentProblem(
+            raise ArgumentsError(
                 f"{file}: the mask must be of the image's size, {images[name].shape[1]} x "
                 f"{images[name].shape[0]}, not {mask.shape[1]} x {mask.shape[0]}"
             )

@@ -31,7 +31,7 @@ from mffdrake.experiment.plotting import (
     PlotToFile,
     SaveFigure,
 )
-from mffdrake.experiment.recordings.arguments import ArgumentProblem
+from mffdrake.experiment.recordings.arguments import ArgumentsError
 from mffdrake.experiment.recordings.color_file import ColorFileError
 from mffdrake.experiment.recordings.image_files import ImageSourceError
 from mffdrake.experiment.recordings.record import Record, TrackCommand
@@ -55,7 +55,7 @@ __all__ = ["RunCommand", "UserError"]
 
 _USER_ERRORS = (
     ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
-    StoreError, OtherCodeError, ArgumentProblem, CalibrationError, ColorFileError,
+    StoreError, OtherCodeError, ArgumentsError, CalibrationError, ColorFileError,
     ImageSourceError, RecordingError, RigError, TrajectoryError,
 )  # fmt: skip
 

@@ -13,8 +13,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from mffdrake.experiment.parts import (
     AddEncoders,
     AddSceneRenderer,
-    MakeRig,
     MakeController,
+    MakeRig,
     MakeTracker,
 )
 from mffdrake.experiment.scenario import Scenario

@@ -33,7 +33,7 @@ from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.pd_controller import PD_GAINS, PdController, PdGains
 from mffdrake.systems.renderers import AddRenderer
 
-__all__ = ["AddEncoders", "AddSceneRenderer", "MakeRig", "MakeController", "MakeTracker"]
+__all__ = ["AddEncoders", "AddSceneRenderer", "MakeController", "MakeRig", "MakeTracker"]
 
 
 def MakeTracker(

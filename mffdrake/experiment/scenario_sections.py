@@ -216,8 +216,8 @@ class RecognizerConfig:
         search_range: Least and greatest of x, y, z [m], eps1, eps2, eps3.
         refinement: "none" (the paper's), or "borders": every frame's pose is refined to parts of a
             pixel, see `BorderRefiner`.
-        white_balance_rate: Greatest relative change a frame by which the color channels' gains follow
-            the light while tracking is sure, see `AdaptiveWhiteBalance`; 0 for fixed ones.
+        white_balance_rate: Greatest relative change a frame by which the color channels' gains
+            follow the light while tracking is sure, see `AdaptiveWhiteBalance`; 0 for fixed ones.
         start: First population: "random" over the range, or "near_target" (as the paper's).
         start_spread: Its standard deviations when near the target: position [m] and quaternion.
         sampling: How densely the solid is sampled, see `SamplingParameters`.

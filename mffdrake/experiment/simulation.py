@@ -131,9 +131,7 @@ def Simulate(
     """
     if diagram is None:
         with _OwnDiagram(scenario) as diagram:
-            return Simulate(
-                scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure
-            )
+            return Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure)
     timing = scenario.timing.Make()
     simulator = Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())

@@ -22,7 +22,7 @@ from mffdrake.experiment.parts import MakeTracker
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.plotting import PlotTrack, SaveFigure
 from mffdrake.experiment.recordings.arguments import (
-    ArgumentProblem,
+    ArgumentsError,
     LoadTarget,
     SplitArguments,
 )
@@ -66,7 +66,7 @@ def RunTrack(options: argparse.Namespace) -> int:
     sources = {}
     for name, source in SplitArguments("--images", "NAME=SOURCE", options.images):
         if name in sources:
-            raise ArgumentProblem(f"--images {name}=...: camera '{name}' stands there twice")
+            raise ArgumentsError(f"--images {name}=...: camera '{name}' stands there twice")
         sources[name] = OpenImages(source)
     recording = Recording(
         rig=matcher.rig,
@@ -92,9 +92,7 @@ def RunTrack(options: argparse.Namespace) -> int:
                 if options.overlay is not None:
                     add_overlay(
                         frame.recorded.frame,
-                        DrawViews(
-                            frame.recorded.images, estimate.pose, matcher.solid, matcher.rig
-                        ),
+                        DrawViews(frame.recorded.images, estimate.pose, matcher.solid, matcher.rig),
                     )
                 # Images are large: only the last frame's are kept.
                 if tracked:
@@ -122,9 +120,9 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
         if options.start != "random":
             config.start, start_pose = "near_target", LoadPose(options.start)
     elif config.start == "near_target":
-        raise ArgumentProblem("recognizer.start near_target: --start must name a file with a pose")
+        raise ArgumentsError("recognizer.start near_target: --start must name a file with a pose")
     if options.generations is not None and options.start not in (None, "random"):
-        raise ArgumentProblem("--generations searches from nothing: leave --start out")
+        raise ArgumentsError("--generations searches from nothing: leave --start out")
     algorithm = MakeTracker(
         config, solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
     )
@@ -220,7 +218,9 @@ def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:
     last = tracked[-1]
     row = last.Row()
     numbers = ", ".join(f"{row[key]:.4f}" for key in ("x", "y", "z", "qx", "qy", "qz", "qw"))
-    print(f"{len(tracked)} frame{'s' * (len(tracked) > 1)}; the last pose, x y z [m] and quaternion")
+    print(
+        f"{len(tracked)} frame{'s' * (len(tracked) > 1)}; the last pose, x y z [m] and quaternion"
+    )
     print(f"qx qy qz qw in the rig's frame: {numbers}")
     refined = "not refined"
     if last.estimate.refined:

@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import Lines, cross, rotation
-from mffdrake.recognition._kernels import ColorGate, Scene, new_placed, place, shown_colors
+from mffdrake.recognition._edge_lines import Line, Lines, cross, rotation
 from mffdrake.recognition._lens import Eye, pixel
+from mffdrake.recognition._structs import ColorGate, Scene, new_placed, place
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,8 +74,8 @@ class Scan(NamedTuple):
 class Sides(NamedTuple):
     """Colors of the two sides of an edge; ``outside`` is 0 where anything else may lie there."""
 
-    inside: int
-    outside: int
+    inside: np.uint32
+    outside: np.uint32
 
 
 @njit(cache=True, error_model="numpy")
@@ -89,9 +89,16 @@ def _mean_color(pixels: Image, first: int, second: int) -> Color:
 
 
 @njit(cache=True, error_model="numpy")
+def _shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
+    """The colors of an 8-bit pixel, one bit each."""
+    places = gate.places
+    return gate.table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
 def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
     """Whether a pixel shows a color."""
-    shown = shown_colors(gate, pixels[k, 0], pixels[k, 1], pixels[k, 2])
+    shown = _shown_colors(gate, pixels[k, 0], pixels[k, 1], pixels[k, 2])
     return (shown & color) != 0  # type: ignore[no-any-return]
 
 
@@ -132,8 +139,8 @@ def _find_border(
     contrast = dr * dr + dg * dg + db * db
     if contrast < rules.min_contrast * rules.min_contrast:
         return nothing
-    within = shown_colors(gate, int(r0), int(g0), int(b0))
-    beyond = shown_colors(gate, int(r1), int(g1), int(b1))
+    within = _shown_colors(gate, int(r0), int(g0), int(b0))
+    beyond = _shown_colors(gate, int(r1), int(g1), int(b1))
     if (within & sides.inside) == 0:
         return nothing
     if sides.outside != 0:
@@ -186,9 +193,7 @@ def find_borders(
                 dy - solid.centers[k, 1],
                 dz - solid.centers[k, 2],
             )
-            cosine = (
-                solid.normals[k, 0] * dx + solid.normals[k, 1] * dy + solid.normals[k, 2] * dz
-            )
+            cosine = solid.normals[k, 0] * dx + solid.normals[k, 1] * dy + solid.normals[k, 2] * dz
             cosines[k] = cosine / math.sqrt(dx * dx + dy * dy + dz * dz)
         for e in range(num_edges):
             slot += 1
@@ -234,7 +239,7 @@ def find_borders(
 
 
 @njit(cache=True, error_model="numpy")
-def _outward(eye: Eye, line: Lines, R_KM: Array, p_KM: Array, center: Array) -> int:
+def _outward(eye: Eye, line: Line, R_KM: Array, p_KM: Array, center: Array) -> int:
     """The direction (1 or -1) on a row or column that leads out of a face across its edge."""
     x = R_KM[0, 0] * center[0] + R_KM[0, 1] * center[1] + R_KM[0, 2] * center[2] + p_KM[0]
     y = R_KM[1, 0] * center[0] + R_KM[1, 1] * center[1] + R_KM[1, 2] * center[2] + p_KM[1]

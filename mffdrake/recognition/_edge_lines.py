@@ -7,6 +7,7 @@ plane of normalized coordinates an edge is a straight line; in the image the len
 from __future__ import annotations
 
 import math
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -26,6 +27,8 @@ from mffdrake.recognition._lens import (
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Lines = NDArray[np.void]
+Line: TypeAlias = Any
+"""One of `Lines`, a record with the fields of `LINE`."""
 
 LINE = np.dtype(
     [
@@ -96,9 +99,7 @@ def move(pose: Array, step: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def edge_lines(
-    pose: Array, vertices: Array, edges: IntArray, views: tuple[View, ...]
-) -> Lines:
+def edge_lines(pose: Array, vertices: Array, edges: IntArray, views: tuple[View, ...]) -> Lines:
     """The lines of all slots, shape (number of views * E,)."""
     lines = np.zeros(len(views) * len(edges), dtype=LINE)
     R_CM = rotation(pose[3:])
@@ -146,9 +147,7 @@ def move_lines(
 
 
 @njit(cache=True, error_model="numpy")
-def _place_line(
-    line: Lines, R_CM: Array, pose: Array, eye: Eye, first: Array, last: Array
-) -> None:
+def _place_line(line: Line, R_CM: Array, pose: Array, eye: Eye, first: Array, last: Array) -> None:
     """Fills in a line's ends and whether they are seen."""
     ax, ay, az = _in_view(R_CM, pose, eye, first)
     bx, by, bz = _in_view(R_CM, pose, eye, last)
@@ -161,7 +160,7 @@ def _place_line(
 
 
 @njit(cache=True, error_model="numpy")
-def _measure_line(eye: Eye, line: Lines, with_slope: bool) -> None:
+def _measure_line(eye: Eye, line: Line, with_slope: bool) -> None:
     """Fills in which rows (columns) a line crosses."""
     u0, v0 = pixel(eye.lens, line.x0, line.y0)
     u1, v1 = pixel(eye.lens, line.x1, line.y1)
@@ -179,11 +178,12 @@ def _in_view(R_CM: Array, pose: Array, eye: Eye, p_M: Array) -> tuple[float, flo
     x = R_CM[0, 0] * p_M[0] + R_CM[0, 1] * p_M[1] + R_CM[0, 2] * p_M[2] + pose[0]
     y = R_CM[1, 0] * p_M[0] + R_CM[1, 1] * p_M[1] + R_CM[1, 2] * p_M[2] + pose[1]
     z = R_CM[2, 0] * p_M[0] + R_CM[2, 1] * p_M[1] + R_CM[2, 2] * p_M[2] + pose[2]
-    return in_view(eye, x, y, z)
+    p_K: tuple[float, float, float] = in_view(eye, x, y, z)
+    return p_K
 
 
 @njit(cache=True, error_model="numpy")
-def cross(eye: Eye, line: Lines, along: Array, across: Array, x: Array, y: Array) -> None:
+def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array) -> None:
     """Where rows (or columns) at pixel coordinates ``along`` cross a line, shape (n,).
 
     Fills in the other pixel coordinates, and the normalized coordinates of the places.
@@ -206,7 +206,7 @@ def cross(eye: Eye, line: Lines, along: Array, across: Array, x: Array, y: Array
 
 
 @njit(cache=True, error_model="numpy")
-def _cross_bent(lens: Lens, line: Lines, at: float) -> tuple[float, float, float]:
+def _cross_bent(lens: Lens, line: Line, at: float) -> tuple[float, float, float]:
     """`cross` with a line that the lens bends, by Newton's steps along it."""
     dx, dy = line.x1 - line.x0, line.y1 - line.y0
     share = (at - line.first) / (line.last - line.first)
@@ -219,11 +219,14 @@ def _cross_bent(lens: Lens, line: Lines, at: float) -> tuple[float, float, float
             break
         ux, uy, vx, vy = pixel_jacobian(lens, x, y)
         share += missing / (vx * dx + vy * dy if line.rows else ux * dx + uy * dy)
-    return (u if line.rows else v), x, y
+    across: float = u
+    if not line.rows:
+        across = v
+    return across, x, y
 
 
 @njit(cache=True, error_model="numpy")
-def cross_jacobians(eye: Eye, line: Lines, x: Array, y: Array, pose: Array, J: Array) -> None:
+def cross_jacobians(eye: Eye, line: Line, x: Array, y: Array, pose: Array, J: Array) -> None:
     """Derivatives of what `cross` finds with respect to a `move` of the pose, to ``J``, (n, 6).
 
     A point X of the target moves by dX = dt + dtheta x (X - t), in the rig's frame. Let n be the

@@ -3,160 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._edge_lines import rotation
-from mffdrake.recognition._lens import (
-    NO_DISTORTION,
-    Eye,
-    Image,
-    View,
-    distort,
-    in_view,
-    magnification,
+from mffdrake.recognition._lens import NO_DISTORTION, Eye, Image, distort, magnification
+from mffdrake.recognition._structs import (
+    ColorGate,
+    Placed,
+    Rules,
+    Samples,
+    Scene,
+    Scratch,
+    Solid,
+    new_placed,
+    place,
 )
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Bits = NDArray[np.uint32]
-
-
-class ColorGate(NamedTuple):
-    """Which colors of the model a pixel shows, see `ColorModel`.
-
-    Attributes:
-        places: What each value of each channel adds to the place in the table, shape (3, 256).
-        table: For each place one bit a color.
-    """
-
-    places: Bits
-    table: Bits
-
-
-class Solid(NamedTuple):
-    """The solid, see `SolidModel`.
-
-    Attributes:
-        vertices: Corner points in the target's frame M [m], shape (V, 3).
-        edges: Corner indices of each edge, shape (E, 2).
-        edge_faces: The two faces that meet at each edge, shape (E, 2).
-        normals: Outward unit normals, shape (F, 3).
-        centers: Faces' centers [m], shape (F, 3).
-        middle: Mean of the corners [m], shape (3,).
-        colors: Bit of each face's color in a `ColorGate`, shape (F,).
-        alike: Whether two faces' colors overlap, shape (F, F).
-    """
-
-    vertices: Array
-    edges: IntArray
-    edge_faces: IntArray
-    normals: Array
-    centers: Array
-    middle: Array
-    colors: Bits
-    alike: NDArray[np.bool_]
-
-
-class Scene(NamedTuple):
-    """What there is to compare: images, a solid, and how its colors look.
-
-    Attributes:
-        views: One a camera.
-        solid: The solid.
-        gate: Its colors.
-    """
-
-    views: tuple[View, ...]
-    solid: Solid
-    gate: ColorGate
-
-
-class Samples(NamedTuple):
-    """Its points: the attributes of the same names of `SearchModel`, but for these.
-
-    Attributes:
-        inside_points: Transposed, shape (3, P).
-        inside_start: As in `SearchModel`.
-        inside_distances: As in `SearchModel`.
-        nearest: Each inside point's distance to the nearest side [m], shape (P,).
-        side_centers: As in `SearchModel`.
-        side_directions: As in `SearchModel`.
-        edge_points: Transposed, shape (3, Q).
-        edge_start: As in `SearchModel`.
-        edge_directions: As in `SearchModel`.
-        strip_offsets: As in `SearchModel`.
-    """
-
-    inside_points: Array
-    inside_start: IntArray
-    inside_distances: Array
-    nearest: Array
-    side_centers: Array
-    side_directions: Array
-    edge_points: Array
-    edge_start: IntArray
-    edge_directions: Array
-    strip_offsets: Array
-
-
-class Rules(NamedTuple):
-    """When a face and a point count: attributes of the same names of `MatchingParameters`."""
-
-    min_cosine: float
-    min_border_distance: float
-
-
-class Scratch(NamedTuple):
-    """Memory for points.
-
-    Attributes:
-        points: In the target's frame, shape (3, n).
-        colors: The bits of the colors that count at each, shape (n,).
-        pixels: The pixel that each falls on, or -1, shape (n,).
-    """
-
-    points: Array
-    colors: Bits
-    pixels: NDArray[np.int32]
-
-
-class Placed(NamedTuple):
-    """A solid at a pose before a camera K: X_KM, and the camera's position in the target's frame."""
-
-    R: Array
-    p: Array
-    p_MK: Array
-
-
-@njit(cache=True, error_model="numpy")
-def place(R_CM: Array, p_CM: Array, eye: Eye, placed: Placed) -> None:
-    """Fills in where a solid lies before a camera, Eq. (13), (16)."""
-    W, R, p = eye.R_KC, placed.R, placed.p
-    for j in range(3):
-        x, y, z = R_CM[0, j], R_CM[1, j], R_CM[2, j]
-        R[0, j] = W[0] * x + W[1] * y + W[2] * z
-        R[1, j] = W[3] * x + W[4] * y + W[5] * z
-        R[2, j] = W[6] * x + W[7] * y + W[8] * z
-    p[0], p[1], p[2] = in_view(eye, p_CM[0], p_CM[1], p_CM[2])
-    for j in range(3):
-        placed.p_MK[j] = -(R[0, j] * p[0] + R[1, j] * p[1] + R[2, j] * p[2])
-
-
-@njit(cache=True, error_model="numpy")
-def new_placed() -> Placed:
-    """Memory for a `Placed`."""
-    return Placed(np.empty((3, 3)), np.empty(3), np.empty(3))
-
-
-@njit(cache=True, error_model="numpy")
-def shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
-    """The colors of an 8-bit pixel, one bit each."""
-    places = gate.places
-    return gate.table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,11 +40,13 @@ def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None
     fx, fy, cu, cv = lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5
     # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
     if lens.model == NO_DISTORTION:
+        R00, R01, R02, tx = fx * R00, fx * R01, fx * R02, fx * tx
+        R10, R11, R12, ty = fy * R10, fy * R11, fy * R12, fy * ty
         for j in range(count):  # without branches, for the compiler to take several at once
             depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
             closeness = 1.0 / depth
-            u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness * fx + cu
-            v = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness * fy + cv
+            u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness + cu
+            v = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness + cv
             seen = (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
             pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
         return
@@ -348,9 +217,8 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
     solid = scene.solid
     visible = np.empty(len(solid.normals), dtype=np.bool_)
-    most_points = (
-        samples.inside_points.shape[1]
-        + samples.edge_points.shape[1] * len(samples.strip_offsets)
+    most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
+        samples.strip_offsets
     )
     scratch = Scratch(
         np.empty((3, most_points)),

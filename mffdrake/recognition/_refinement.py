@@ -28,7 +28,7 @@ from mffdrake.recognition._edge_lines import (
     move,
     move_lines,
 )
-from mffdrake.recognition._kernels import Scene
+from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -226,10 +226,10 @@ def normal_equations(
 @njit(cache=True, error_model="numpy")
 def _calibration_errs(scene: Scene) -> bool:
     """Whether a camera's calibration is known to leave an error."""
+    largest = 0.0
     for view in scene.views:
-        if view.eye.calibration_error > 0.0:
-            return True
-    return False
+        largest = max(largest, view.eye.calibration_error)
+    return largest > 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -264,15 +264,11 @@ def _calibration_covariance(
 
 
 @njit(cache=True, error_model="numpy")
-def refine(
-    start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
-) -> Result:
+def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]) -> Result:
     """Refines a pose, see `BorderRefiner.refine`."""
     result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan)
     for index in range(len(stages)):
-        result = _refine_once(
-            result.pose, scene, rules, stages[index], index == len(stages) - 1
-        )
+        result = _refine_once(result.pose, scene, rules, stages[index], index == len(stages) - 1)
         if result.outcome != SETTLED:
             break
     return result
@@ -332,6 +328,4 @@ def _refine_once(
             covariance[:, i] = solve(L, unit)
         if _calibration_errs(scene):
             covariance += _calibration_covariance(pose, lines, found, scene, L)
-    return Result(
-        outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness
-    )
+    return Result(outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness)

@@ -104,8 +104,8 @@ class Camera:
         R_CK: Its orientation in the rig's frame C, shape (3, 3).
         p_CK: Its position in the rig's frame C [m], shape (3,).
         calibration_error: Standard deviation [px] by which all that it shows may be off together,
-            along u and v: what its calibration leaves. It counts in the covariance of refined poses,
-            and points so much nearer to a border do not tell on which side they are.
+            along u and v: what its calibration leaves. It counts in the covariance of refined
+            poses; and points so much nearer to a border do not tell on which side they are.
 
     Raises:
         ValueError: When a size or a focal length is not positive, a number not finite, or R_CK no
@@ -299,9 +299,7 @@ class CameraRig:
             raise ValueError(f"stereo camera: baseline must be positive, not {baseline}")
         if focal_length is None:
             if not 0 < fov_y < math.pi:
-                raise ValueError(
-                    f"stereo camera: fov_y must be between 0 and pi rad, not {fov_y}"
-                )
+                raise ValueError(f"stereo camera: fov_y must be between 0 and pi rad, not {fov_y}")
             focal_length = 0.5 * height / math.tan(0.5 * fov_y)
         if not 0 < focal_length < math.inf:
             raise ValueError(f"stereo camera: focal_length must be positive, not {focal_length}")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._kernels import ColorGate
+    from mffdrake.recognition._structs import ColorGate
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.uint32]
@@ -215,7 +215,7 @@ class ColorModel:
             channel_order: Of the pixels that will be looked up.
             gains: White balance: what red, green and blue are multiplied with before, shape (3,).
         """
-        from mffdrake.recognition._kernels import ColorGate  # numba: slow to import
+        from mffdrake.recognition._structs import ColorGate  # numba: slow to import
 
         values = np.arange(256) * np.asarray(gains, dtype=float)[:, None]
         upper = np.clip(np.rint(values), 0, 255).astype(np.uint32) >> (8 - _BITS)
@@ -225,9 +225,7 @@ class ColorModel:
         return ColorGate(np.ascontiguousarray(places), _table(self))
 
     @classmethod
-    def of_hues(
-        cls, hues: Mapping[str, float], *, tolerance: float, **gates: float
-    ) -> ColorModel:
+    def of_hues(cls, hues: Mapping[str, float], *, tolerance: float, **gates: float) -> ColorModel:
         """Colors of known hues, with one tolerance for all.
 
         Args:

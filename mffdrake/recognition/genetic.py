@@ -139,9 +139,7 @@ class GeneCoding:
         from mffdrake.recognition._breeding import Coding  # numba: slow to import
 
         span = self.search_range
-        return Coding(
-            span.lower, span.upper, self.bits, 2**self.bits - 1, self.coding == "gray"
-        )
+        return Coding(span.lower, span.upper, self.bits, 2**self.bits - 1, self.coding == "gray")
 
 
 @dataclass(frozen=True, kw_only=True)

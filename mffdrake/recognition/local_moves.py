@@ -72,7 +72,9 @@ class LocalMoves:
         (5, 6)
     """
 
-    def __init__(self, pivots: ArrayLike, middle: ArrayLike, parameters: LocalMoveParameters) -> None:
+    def __init__(
+        self, pivots: ArrayLike, middle: ArrayLike, parameters: LocalMoveParameters
+    ) -> None:
         self.pivots: Array = np.asarray(pivots, dtype=float).reshape(-1, 3)
         self.middle: Array = np.asarray(middle, dtype=float)
         self.parameters = parameters

@@ -1,4 +1,4 @@
-"""Hue matching and the fitness of many poses on the images of a camera rig: equations (21), (22)."""
+"""Color matching and the fitness of many poses on a rig's images: equations (21), (22)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.solid_model import SearchModel
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._kernels import ColorGate, Rules, Samples, Scene, Solid
+    from mffdrake.recognition._structs import ColorGate, Rules, Samples, Scene, Solid
 
 Array = NDArray[np.float64]
 Images: TypeAlias = Sequence[Image] | Mapping[str, Image]
@@ -185,7 +185,7 @@ class Matcher:
         Raises:
             ValueError: When an image is missing, or has another type or size than its camera's.
         """
-        from mffdrake.recognition._kernels import Scene  # numba: slow to import
+        from mffdrake.recognition._structs import Scene  # numba: slow to import
 
         gate = _gate(self.colors, self.channel_order, tuple(gains))
         return Scene(self.rig.views(images), self._structs[0], gate)
@@ -193,7 +193,7 @@ class Matcher:
     @cached_property
     def _structs(self) -> tuple[Solid, Samples, Rules]:
         """What the compiled functions take, images aside."""
-        from mffdrake.recognition._kernels import Rules, Samples, Solid  # numba: slow to import
+        from mffdrake.recognition._structs import Rules, Samples, Solid  # numba: slow to import
 
         m, solid, p = self.search_model, self.solid, self.parameters
         return (

@@ -237,7 +237,7 @@ class PoseTracker:
         other = Matcher(
             m.search_model, m.rig, m.parameters, m.colors, _OTHER_ORDER[m.channel_order]
         )
-        here, there = (float(matcher.fitness([pose], images)[0]) for matcher in (m, other))
+        here, there = (float(matcher.fitness(pose, images)[0]) for matcher in (m, other))
         if there > here + _CLEARLY_BETTER:
             raise ValueError(
                 f"at the given pose the images fit far better with their channels in the order "

@@ -152,9 +152,7 @@ class Refinement:
 class Refiner(Protocol):
     """Makes a pose more accurate."""
 
-    def refine(
-        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
-    ) -> Refinement:
+    def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
         """The refined pose, or the given one with a reason."""
         ...
 
@@ -169,9 +167,7 @@ class NoRefinement:
         False
     """
 
-    def refine(
-        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
-    ) -> Refinement:
+    def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
         """The given pose, not refined."""
         return Refinement(np.array(pose, dtype=float))
 
@@ -229,9 +225,7 @@ class BorderRefiner:
             (p.fine_window, 1, 8),
         )
 
-    def refine(
-        self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS
-    ) -> Refinement:
+    def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
         """Refines a pose that is right to within a few millimeters and degrees.
 
         Args:

@@ -46,8 +46,8 @@ class SolidModel:
         edge_faces: The two faces that meet at each edge, shape (E, 2).
 
     Raises:
-        ValueError: When the solid is not closed, not convex, or hues or materials and faces differ in
-            number.
+        ValueError: When the solid is not closed, not convex, or has other numbers of hues or
+            materials than of faces.
 
     Example:
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
@@ -143,9 +143,7 @@ class SolidModel:
         return cls._from_triangles(np.concatenate(corners), np.concatenate(hues), materials)
 
     @classmethod
-    def _from_triangles(
-        cls, triangles: Array, hues: Array, materials: Sequence[str]
-    ) -> SolidModel:
+    def _from_triangles(cls, triangles: Array, hues: Array, materials: Sequence[str]) -> SolidModel:
         """Merges coplanar triangles of one hue into convex faces with counterclockwise corners.
 
         Files carry rounded coordinates, so what belongs together agrees within tolerances only.

@@ -16,7 +16,7 @@ from mffdrake.recognition.refinement import NoRefinement, Refiner
 from mffdrake.recognition.white_balance import FixedWhiteBalance, WhiteBalance
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._kernels import Scene
+    from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
 
@@ -198,7 +198,7 @@ class OneStepGaTracker:
         """
         scene = self.matcher.scene(images, gains)
         candidates = self.start.draw(self._algorithm, self._rng(frame), self.matcher, scene)
-        return self._finish(self._select(candidates, scene), images, gains)
+        return self._finish(self._select(candidates, scene, gains), images)
 
     def track(
         self,
@@ -234,8 +234,8 @@ class OneStepGaTracker:
             candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
             if proposals is not None:
                 candidates, proposals = np.concatenate([candidates, proposals]), None
-            generation, center = self._select(candidates, scene), None
-        return self._finish(generation, images, gains)
+            generation, center = self._select(candidates, scene, gains), None
+        return self._finish(generation, images)
 
     def refine(self, generation: Generation, images: Images) -> Generation:
         """Puts the refined best pose first, where there is one.
@@ -254,20 +254,20 @@ class OneStepGaTracker:
             covariance=refined.covariance,
         )
 
-    def _finish(self, generation: Generation, images: Images, gains: Gains) -> Generation:
+    def _finish(self, generation: Generation, images: Images) -> Generation:
         """Refines the best pose, and adapts the white balance where it is sure."""
-        generation = self.refine(dc.replace(generation, gains=gains), images)
-        if generation.covariance is None and not generation.fitness[0] > self.sure_fitness:
-            return generation
-        adapted = self.white_balance.adapt(gains, generation.best, images, self.matcher)
-        return dc.replace(generation, gains=adapted)
+        generation, gains = self.refine(generation, images), generation.gains
+        if generation.covariance is not None or generation.fitness[0] > self.sure_fitness:
+            gains = self.white_balance.adapt(gains, generation.best, images, self.matcher)
+        # Mostly they stay.
+        return generation if gains is generation.gains else dc.replace(generation, gains=gains)
 
-    def _select(self, candidates: Array, scene: Scene) -> Generation:
+    def _select(self, candidates: Array, scene: Scene, gains: Gains) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""
         fitness = self.matcher.score(candidates, scene)
         # A stable order makes equals keep their places: the center first, survivors last.
         order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
-        return Generation(candidates[order], fitness[order])
+        return Generation(candidates[order], fitness[order], None, gains)
 
     def _rng(self, frame: int) -> np.random.Generator:
         """A counter-based generator: its only state is the seed and the frame's number."""

@@ -114,9 +114,7 @@ def _pixels_of_colors(pose: ArrayLike, images: Images, matcher: Matcher) -> list
     R, p = transform_from_pose(pose)
     model, solid = matcher.search_model, matcher.solid
     found: dict[str, list[Array]] = {name: [] for name in matcher.colors.names}
-    for camera, image in zip(
-        matcher.rig.cameras, matcher.rig.check_images(images), strict=True
-    ):
+    for camera, image in zip(matcher.rig.cameras, matcher.rig.check_images(images), strict=True):
         p_MK = R.T @ (camera.p_CK - p)
         pixels = np.floor(camera.project(model.inside_points @ R.T + p) + 0.5)
         for k, material in enumerate(solid.materials):

@@ -45,8 +45,8 @@ class OneStepGaRecognizer(LeafSystem):
     the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
-    poses, fitness, covariance and white balance. Outputs depend on the state alone, so the loop through a
-    predictor is none.
+    poses, fitness, covariance and white balance. Outputs depend on the state alone, so the loop
+    through a predictor is none.
 
     Ports:
         color_image_right, color_image_left: ImageRgba8U of these cameras. They are those of

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from mffdrake.recognition import SolidModel
 
-__all__ = ["ArgumentProblem", "LoadTarget", "SplitArguments"]
+__all__ = ["ArgumentsError", "LoadTarget", "SplitArguments"]
 
 
-class ArgumentProblem(ValueError):
+class ArgumentsError(ValueError):
     """An argument of the command line is wrong; the message says how it must be."""
 
 
@@ -23,7 +23,7 @@ def SplitArguments(option: str, form: str, values: Sequence[str]) -> list[tuple[
         values: The arguments.
 
     Raises:
-        ArgumentProblem: When one is of another form.
+        ArgumentsError: When one is of another form.
 
     Example:
         >>> SplitArguments("--images", "NAME=SOURCE", ["left=a.png"])
@@ -33,7 +33,7 @@ def SplitArguments(option: str, form: str, values: Sequence[str]) -> list[tuple[
     for value in values:
         key, equals, rest = value.partition("=")
         if not (equals and key and rest):
-            raise ArgumentProblem(f"{option} {value}: must be {form}")
+            raise ArgumentsError(f"{option} {value}: must be {form}")
         pairs.append((key, rest))
     return pairs
 
@@ -45,7 +45,7 @@ def LoadTarget(path: Path | str) -> SolidModel:
         path: The file.
 
     Raises:
-        ArgumentProblem: When it is no convex solid with a hue on every face.
+        ArgumentsError: When it is no convex solid with a hue on every face.
         OSError: When there is no such file.
     """
     try:
@@ -54,4 +54,4 @@ def LoadTarget(path: Path | str) -> SolidModel:
         raise
     except (ValueError, OSError, KeyError, IndexError, NotImplementedError) as error:
         text = " ".join(str(error).split())
-        raise ArgumentProblem(text if str(path) in text else f"{path}: {text}") from error
+        raise ArgumentsError(text if str(path) in text else f"{path}: {text}") from error

@@ -89,7 +89,8 @@ def DumpColors(model: ColorModel) -> str:
         model: The model.
 
     Example:
-        >>> print(DumpColors(ColorModel(colors=(FaceColor("red", 0.0, math.radians(15.0)),))), end="")
+        >>> red = FaceColor("red", 0.0, math.radians(15.0))
+        >>> print(DumpColors(ColorModel(colors=(red,))), end="")
         colors:
           red: {hue_deg: 0.0, tolerance_deg: 15.0}
         min_saturation: 0.28
@@ -165,7 +166,10 @@ def MasksOfPose(
             if solid.normals[k] @ (p_MK - solid.centers[k]) <= 0.0:
                 continue
             outline = np.concatenate(
-                [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+                [
+                    a + shares * (b - a)
+                    for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)
+                ]
             )
             pixels = camera.project(outline @ R_CM.T + p_CM)
             if not np.isfinite(pixels).all() or np.abs(pixels).max() > 1e5:

@@ -11,7 +11,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ImageFiles", "ImageSource", "ImageSourceError", "OpenImages", "ReadImage", "ReadMask", "Video"]
+__all__ = [
+    "ImageFiles",
+    "ImageSource",
+    "ImageSourceError",
+    "OpenImages",
+    "ReadImage",
+    "ReadMask",
+    "Video",
+]
 
 Image = NDArray[np.uint8]
 

@@ -149,7 +149,7 @@ class TrackedFrame:
         e = self.estimate
         x, y, z = e.p_CM.tolist()
         qx, qy, qz, qw = e.quaternion_xyzw.tolist()
-        std = {"std_position_mm": "", "std_rotation_deg": ""}
+        std: dict[str, float | str] = {"std_position_mm": "", "std_rotation_deg": ""}
         if e.refined:
             std = {
                 "std_position_mm": 1e3 * e.std_position,
