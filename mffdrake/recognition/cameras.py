@@ -376,8 +376,7 @@ class CameraRig:
 
         views = []
         for camera, image in zip(self.cameras, self.check_images(images), strict=True):
-            pixels = np.ascontiguousarray(image).reshape(-1, image.shape[2])
-            pixels = pixels.view()
+            pixels = np.ascontiguousarray(image).reshape(-1, image.shape[2]).view()
             pixels.flags.writeable = False  # all of one type, for one compiled function
             views.append(View(pixels, camera.eye))
         return tuple(views)

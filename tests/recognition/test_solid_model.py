@@ -319,7 +319,18 @@ def test_edge_points_divide_their_edge_evenly(solid):
         np.testing.assert_allclose(model.edge_directions[k], (b - a) / length, atol=1e-14)
         shares = (np.arange(len(points)) + 0.5) / len(points)
         np.testing.assert_allclose(points, a + shares[:, None] * (b - a), atol=1e-15)
-        assert len(points) == math.ceil(length / 0.020 - 1e-9)
+        assert len(points) == max(5, math.ceil(length / 0.020 - 1e-9))
+
+
+@pytest.mark.parametrize("min_cells", [1, 4])
+def test_small_edges_and_faces_have_least_numbers_of_cells(min_cells):
+    small = SolidModel.box((0.01, 0.01, 0.01), (RED, GREEN, BLUE))
+    sampling = SamplingParameters(spacing=0.020, min_cells=min_cells, margin=None)
+    model = SearchModel(small, sampling)
+    assert len(model.edge_points) == 12 * min_cells
+    assert len(model.inside_points) == 6 * min_cells**2
+    with pytest.raises(ValueError, match="min_cells"):
+        SamplingParameters(min_cells=0)
 
 
 @solids

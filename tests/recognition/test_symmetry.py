@@ -1,0 +1,58 @@
+"""Rotations that bring a solid's shape onto itself."""
+
+import numpy as np
+import pytest
+from synthetic import hexagonal_prism, paper_box, pose, rotation, tetrahedron
+
+from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
+from mffdrake.recognition.symmetry import find_turns, turn_about_middle
+
+
+@pytest.mark.parametrize(
+    ("solid", "count"),
+    [
+        (SolidModel.box((0.1, 0.1, 0.1), (RED, GREEN, BLUE)), 23),  # the octahedral group
+        (SolidModel.box((0.1, 0.1, 0.4), (RED, GREEN, BLUE)), 7),  # a square prism's
+        (SolidModel.box((0.1, 0.2, 0.4), (RED, GREEN, BLUE)), 3),  # a cuboid's half turns
+        (tetrahedron(), 11),  # the tetrahedral group
+        (hexagonal_prism(radius=0.08, height=0.3), 11),  # the dihedral group of order 12
+    ],
+)
+def test_the_rotations_are_the_shape_s_group_without_the_identity(solid, count):
+    turns = find_turns(solid, tolerance=0.05)
+    assert len(turns) == count
+    arms = solid.vertices - solid.vertices.mean(axis=0)
+    for R in turns:
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        assert np.trace(R) < 2.999
+        apart = np.linalg.norm((arms @ R.T)[:, None] - arms, axis=-1)
+        assert apart.min(axis=1).max() < 1e-9
+        assert sorted(apart.argmin(axis=1)) == list(range(len(arms)))
+        # A group: two of them make a third or nothing.
+        for S in turns:
+            product = R @ S
+            assert any(np.allclose(product, T, atol=1e-9) for T in [*turns, np.eye(3)])
+
+
+def test_a_shape_that_is_nearly_symmetric_counts_within_the_tolerance():
+    nearly = SolidModel.box((0.100, 0.110, 0.400), (RED, GREEN, BLUE))
+    assert len(find_turns(nearly, tolerance=0.01)) == 3
+    assert len(find_turns(nearly, tolerance=0.2)) == 7
+    # Those that fit best come first: the half turns.
+    for R in find_turns(nearly, tolerance=0.2)[:3]:
+        np.testing.assert_allclose(np.abs(R), np.eye(3), atol=1e-9)
+
+
+def test_turning_keeps_the_middle_where_it_is_and_composes_the_rotation():
+    box = paper_box()
+    off_center = SolidModel(box.vertices + [0.03, -0.01, 0.02], box.faces, box.hues)
+    psi = pose((0.1, 0.2, 0.7), (0.2, -0.3, 0.4))
+    middle = off_center.vertices.mean(axis=0)
+    R = rotation(psi[3:])
+    turns = find_turns(off_center)
+    for T, turned in zip(turns, turn_about_middle(psi, off_center, turns), strict=True):
+        np.testing.assert_allclose(rotation(turned[3:]), R @ T, atol=1e-9)
+        np.testing.assert_allclose(
+            rotation(turned[3:]) @ middle + turned[:3], R @ middle + psi[:3], atol=1e-12
+        )
