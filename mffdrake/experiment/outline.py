@@ -14,7 +14,7 @@ __all__ = ["DrawOutline", "DrawViews"]
 
 Image = NDArray[np.uint8]
 
-_PIECES = 16  # of an edge that the lens may bend
+_PIECES = 16  # of an edge that the lens bends
 _SUBPIXELS = 4  # bits of a drawn coordinate's fraction
 
 
@@ -35,8 +35,9 @@ def DrawOutline(image: Image, pose: ArrayLike, solid: SolidModel, camera: Camera
         >>> camera = CameraRig.stereo().cameras[0]
         >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
         >>> grey = np.full((480, 640, 3), 128, dtype=np.uint8)
-        >>> DrawOutline(grey, [0.0, 0.155, 0.8, 0.0, 0.0, 0.0], box, camera).min()
-        np.uint8(0)
+        >>> drawn = DrawOutline(grey, [0.0, 0.155, 0.8, 0.0, 0.0, 0.0], box, camera)
+        >>> bool(drawn.min() < 64 and drawn.max() > 192)    # a black line with white sides
+        True
     """
     import cv2
 
@@ -44,7 +45,8 @@ def DrawOutline(image: Image, pose: ArrayLike, solid: SolidModel, camera: Camera
     R_CM, p_CM = transform_from_pose(pose)
     p_MK = R_CM.T @ (camera.p_CK - p_CM)
     visible = np.einsum("fk,fk->f", solid.normals, p_MK - solid.centers) > 0.0
-    shares = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    pieces = 1 if camera.distortion.model == "none" else _PIECES
+    shares = np.linspace(0.0, 1.0, pieces + 1)[:, None]
     lines = []
     for (start, end), faces in zip(solid.vertices[solid.edges], solid.edge_faces, strict=True):
         if visible[faces].any():

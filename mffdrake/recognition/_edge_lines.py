@@ -191,8 +191,14 @@ def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array)
     lens = eye.lens
     l0, l1, l2 = line.l0, line.l1, line.l2
     if lens.model != NO_DISTORTION:
+        slower = 1.0 / (line.last - line.first)
+        share = 0.0
         for k in range(len(along)):
-            across[k], x[k], y[k] = _cross_bent(lens, line, along[k])
+            # The lens bends the line little: where the last row crossed it, the next one is near.
+            guess = (along[k] - line.first) * slower
+            if k > 0:
+                guess = share + (along[k] - along[k - 1]) * slower
+            share, across[k], x[k], y[k] = _cross_bent(lens, line, along[k], guess)
     elif line.rows:
         for k in range(len(along)):
             y[k] = (along[k] - lens.cy) / lens.fy
@@ -206,23 +212,27 @@ def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array)
 
 
 @njit(cache=True, error_model="numpy")
-def _cross_bent(lens: Lens, line: Line, at: float) -> tuple[float, float, float]:
-    """`cross` with a line that the lens bends, by Newton's steps along it."""
+def _cross_bent(
+    lens: Lens, line: Line, at: float, share: float
+) -> tuple[float, float, float, float]:
+    """`cross` with a line that the lens bends, by Newton's steps along it.
+
+    Returns the share of the line that comes before the place, and what `cross` finds.
+    """
     dx, dy = line.x1 - line.x0, line.y1 - line.y0
-    share = (at - line.first) / (line.last - line.first)
     u, v, x, y = 0.0, 0.0, 0.0, 0.0
     for _ in range(8):
         x, y = line.x0 + share * dx, line.y0 + share * dy
         u, v = pixel(lens, x, y)
         missing = at - (v if line.rows else u)
-        if abs(missing) < 1e-9:
+        if abs(missing) < 1e-8:
             break
         ux, uy, vx, vy = pixel_jacobian(lens, x, y)
         share += missing / (vx * dx + vy * dy if line.rows else ux * dx + uy * dy)
     across: float = u
     if not line.rows:
         across = v
-    return across, x, y
+    return share, across, x, y
 
 
 @njit(cache=True, error_model="numpy")

@@ -234,15 +234,17 @@ def _calibration_errs(scene: Scene) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _calibration_covariance(
-    pose: Array, lines: Lines, found: Found, scene: Scene, L: Array
+    pose: Array, lines: Lines, found: Found, scene: Scene, L: Array, edge_error: float
 ) -> Array:
     """What errors of the cameras' calibration add to the covariance, shape (6, 6).
 
     If all that a camera shows is off by (du, dv), the borders of a line with the slope m are off by
-    ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``.
+    ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``, less what
+    the borders of an edge are trusted less for the error that they share.
     """
     num_edges = len(scene.solid.edges)
     added = np.zeros((6, 6))
+    shared = np.zeros((len(lines), 9))  # of each slot the sums of w J, w by_u, w by_v and w
     moved = np.zeros((len(scene.views), 2, 6))
     for marks in (found.borders, found.jumps):
         residuals, J = np.empty(len(marks)), np.empty((len(marks), 6))
@@ -254,6 +256,15 @@ def _calibration_covariance(
             for i in range(6):
                 moved[v, 0, i] += mark.weight * J[k, i] * by_u
                 moved[v, 1, i] += mark.weight * J[k, i] * by_v
+                shared[mark.slot, i] += mark.weight * J[k, i]
+            shared[mark.slot, 6] += mark.weight * by_u
+            shared[mark.slot, 7] += mark.weight * by_v
+            shared[mark.slot, 8] += mark.weight
+    for slot in range(len(lines)):  # as in `normal_equations`
+        c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 8])
+        for i in range(6):
+            moved[slot // num_edges, 0, i] -= c * shared[slot, i] * shared[slot, 6]
+            moved[slot // num_edges, 1, i] -= c * shared[slot, i] * shared[slot, 7]
     for v in range(len(scene.views)):
         for axis in range(2):
             step = scene.views[v].eye.calibration_error * solve(L, moved[v, axis])
@@ -327,5 +338,5 @@ def _refine_once(
             unit[i] = 1.0
             covariance[:, i] = solve(L, unit)
         if _calibration_errs(scene):
-            covariance += _calibration_covariance(pose, lines, found, scene, L)
+            covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
     return Result(outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness)

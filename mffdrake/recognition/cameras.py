@@ -190,8 +190,8 @@ class Camera:
         Example:
             >>> camera = Camera(width=640, height=480, fx=580, fy=580, cx=319.5, cy=239.5)
             >>> camera.project_with_jacobian([0.0, 0.0, 2.0])[1]
-            array([[290.,   0.,  -0.],
-                   [  0., 290.,  -0.]])
+            array([[290.,   0.,   0.],
+                   [  0., 290.,   0.]])
         """
         return self._project(p_C, with_jacobian=True)
 
@@ -295,8 +295,9 @@ class CameraRig:
         Raises:
             ValueError: When a quantity is outside its range.
         """
-        if not 0 < baseline < math.inf:
-            raise ValueError(f"stereo camera: baseline must be positive, not {baseline}")
+        for name, value in (("width", width), ("height", height), ("baseline", baseline)):
+            if not 0 < value < math.inf:
+                raise ValueError(f"stereo camera: {name} must be positive, not {value}")
         if focal_length is None:
             if not 0 < fov_y < math.pi:
                 raise ValueError(f"stereo camera: fov_y must be between 0 and pi rad, not {fov_y}")
