@@ -54,13 +54,19 @@ def RunColors(options: argparse.Namespace) -> int:
                 f"--images {name}=...: the rig has the cameras {', '.join(rig.names)}"
             )
         images[name] = ReadImage(file)
-        rig.cameras[rig.names.index(name)].check_image(images[name])
+        try:
+            rig.cameras[rig.names.index(name)].check_image(images[name])
+        except ValueError as error:
+            raise ArgumentsError(f"{file}: {error}") from error
     if options.pose is not None:
         seen = CameraRig(tuple(c for c in rig.cameras if c.name in images))
         masks = MasksOfPose(solid, seen, LoadPose(options.pose))
     else:
         masks = _ReadMasks(options.masks, solid, images)
-    model = LearnColors(solid, images, masks)
+    try:
+        model = LearnColors(solid, images, masks)
+    except ValueError as error:
+        raise ArgumentsError(str(error)) from error
     _Warn(model, masks)
     with WholeFile(out) as part:
         part.write_text(DumpColors(model), encoding="utf-8")

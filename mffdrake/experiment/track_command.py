@@ -123,9 +123,12 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
         raise ArgumentsError("recognizer.start near_target: --start must name a file with a pose")
     if options.generations is not None and options.start not in (None, "random"):
         raise ArgumentsError("--generations searches from nothing: leave --start out")
-    algorithm = MakeTracker(
-        config, solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
-    )
+    try:
+        algorithm = MakeTracker(
+            config, solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
+        )
+    except ValueError as error:
+        raise ArgumentsError(f"{options.colors or options.target}: {error}") from error
     search_range = algorithm.coding.search_range
     middle = 0.5 * (search_range.lower + search_range.upper)[:3]
     if not any(np.isfinite(camera.project(middle)).all() for camera in rig.cameras):
