@@ -13,7 +13,7 @@ from mffdrake.experiment.recordings.rig_file import LoadRig
 from mffdrake.recognition import CameraRig, ColorModel, FaceColor, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, rotation_angle
 
-REAL = Path(__file__).parents[4] / "shared" / "real" / "cube_v1"
+REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "cube_v1"
 needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no real images in {REAL}")
 
 HALF = 0.0326

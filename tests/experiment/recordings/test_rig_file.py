@@ -1,6 +1,7 @@
 """Rig files: places in the rig's frame, files that come back to the last bit, clear errors."""
 
 import math
+import re
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ from mffdrake.experiment.recordings.rig_file import DumpRig, LoadRig, RigError
 from mffdrake.recognition import Camera, CameraRig, Distortion
 from mffdrake.recognition.calibration import read_calibration
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "cube_v1"
+REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "cube_v1"
 ONE = "width: 640, height: 480, fx: 580.0, fy: 581.0, cx: 319.5, cy: 239.5"
 FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "calibration_error")
 ALL_KEYS = (
@@ -367,3 +368,14 @@ def test_a_file_that_is_no_text_or_not_there(tmp_path):
 
 def test_rig_errors_are_value_errors():
     assert issubclass(RigError, ValueError)
+
+
+def test_the_rig_file_in_the_readme_loads(tmp_path):
+    readme = Path(__file__).resolve().parents[3] / "README.md"
+    found = re.findall(r"```yaml\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+    (text,) = [block for block in found if block.startswith("cameras:")]
+    calibration(tmp_path, "front.yaml")
+    rig = load(tmp_path, text)
+    assert rig.names == ("front", "side")
+    assert [camera.calibration_error for camera in rig.cameras] == [1.0, 0.5]
+    np.testing.assert_array_equal(rig.cameras[0].R_CK, np.eye(3))
