@@ -54,16 +54,9 @@ LINE = np.dtype(
 @njit(cache=True, error_model="numpy")
 def rotation(eps: Array) -> Array:
     """Rotation matrix of a quaternion's vector part, shape (3, 3)."""
-    R = np.empty((3, 3))
-    set_rotation(eps, R)
-    return R
-
-
-@njit(cache=True, error_model="numpy")
-def set_rotation(eps: Array, R: Array) -> None:
-    """Writes the rotation matrix of a quaternion's vector part to ``R``."""
     e1, e2, e3 = eps[0], eps[1], eps[2]
     eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
+    R = np.empty((3, 3))
     R[0, 0], R[1, 1], R[2, 2] = (
         1 - 2 * (e2 * e2 + e3 * e3),
         1 - 2 * (e1 * e1 + e3 * e3),
@@ -72,6 +65,7 @@ def set_rotation(eps: Array, R: Array) -> None:
     R[0, 1], R[1, 0] = 2 * (e1 * e2 - eta * e3), 2 * (e1 * e2 + eta * e3)
     R[0, 2], R[2, 0] = 2 * (e1 * e3 + eta * e2), 2 * (e1 * e3 - eta * e2)
     R[1, 2], R[2, 1] = 2 * (e2 * e3 - eta * e1), 2 * (e2 * e3 + eta * e1)
+    return R
 
 
 @njit(cache=True, error_model="numpy")

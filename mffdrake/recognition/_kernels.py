@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import rotation, set_rotation
+from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._lens import NO_DISTORTION, Eye, Image, distort, magnification
 from mffdrake.recognition._structs import (
     ColorGate,
@@ -227,13 +227,10 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
     )
     placed = new_placed()
     fitness = np.zeros(len(poses))
-    rotations = np.empty((len(poses), 3, 3))
-    for i in range(len(poses)):
-        set_rotation(poses[i, 3:], rotations[i])
     for view in scene.views:
         eye = view.eye
         for i in range(len(poses)):
-            place(rotations[i], poses[i, :3], eye, placed)
+            place(rotation(poses[i, 3:]), poses[i, :3], eye, placed)
             find_visible(placed, solid, rules.min_cosine, visible)
             z = placed.p[2]
             pixels_a_unit = magnification(eye.lens, placed.p[0] / z, placed.p[1] / z)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -187,8 +187,16 @@ class Matcher:
         """
         from mffdrake.recognition._structs import Scene  # numba: slow to import
 
-        gate = _gate(self.colors, self.channel_order, tuple(gains))
+        gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
         return Scene(self.rig.views(images), self._structs[0], gate)
+
+    def _gate(self, gains: Gains) -> ColorGate:
+        return self.colors.gate(channel_order=self.channel_order, gains=gains)
+
+    @cached_property
+    def _plain_gate(self) -> ColorGate:
+        """The gate of nearly all frames."""
+        return self._gate(NO_GAINS)
 
     @cached_property
     def _structs(self) -> tuple[Solid, Samples, Rules]:
@@ -210,9 +218,3 @@ class Matcher:
             ),
             Rules(float(p.min_cosine), float(p.min_border_distance)),
         )  # fmt: skip
-
-
-@lru_cache(maxsize=8)
-def _gate(colors: ColorModel, channel_order: ChannelOrder, gains: Gains) -> ColorGate:
-    """A color model's look-up table; most frames have the last one's."""
-    return colors.gate(channel_order=channel_order, gains=gains)
