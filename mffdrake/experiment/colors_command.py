@@ -46,6 +46,9 @@ def RunColors(options: argparse.Namespace) -> int:
     """
     rig, solid = LoadRig(options.rig), LoadTarget(options.target)
     out = Path(options.out)
+    picture = out.with_suffix(".png")
+    if picture == out:
+        raise ArgumentsError(f"--out {out}: must be a text file such as colors.yaml, no picture")
     MakeOutputFolder(out.parent)
     images = {}
     for name, file in SplitArguments("--images", "NAME=FILE", options.images):
@@ -53,6 +56,8 @@ def RunColors(options: argparse.Namespace) -> int:
             raise ArgumentsError(
                 f"--images {name}=...: the rig has the cameras {', '.join(rig.names)}"
             )
+        if name in images:
+            raise ArgumentsError(f"--images {name}=...: camera '{name}' stands there twice")
         images[name] = ReadImage(file)
         try:
             rig.cameras[rig.names.index(name)].check_image(images[name])
@@ -70,7 +75,6 @@ def RunColors(options: argparse.Namespace) -> int:
     _Warn(model, masks)
     with WholeFile(out) as part:
         part.write_text(DumpColors(model), encoding="utf-8")
-    picture = out.with_suffix(".png")
     SaveImage(_DrawColors(model, images), picture)
     print("| material | hue [deg] | tolerance [deg] | pixels |")
     print("|---|---:|---:|---:|")
@@ -113,7 +117,7 @@ def _ReadMasks(given: list[str], solid: SolidModel, images: dict[str, Image]) ->
 def _Warn(model: ColorModel, masks: Masks) -> None:
     """Says what will make tracking harder."""
     for name in model.names:
-        if name not in masks:
+        if not any(mask.any() for mask in masks.get(name, {}).values()):
             _log.warning(
                 "no pixels of material '%s': it keeps its mesh's hue, give or take 20 deg", name
             )

@@ -53,7 +53,7 @@ def DrawOutline(image: Image, pose: ArrayLike, solid: SolidModel, camera: Camera
             pixels = camera.project((start + shares * (end - start)) @ R_CM.T + p_CM)
             if np.isfinite(pixels).all():
                 # What lies far outside is cut off: drawn coordinates must fit into 32 bits.
-                scaled = np.clip(pixels, -1e5, 1e5) * 2**_SUBPIXELS
+                scaled = np.clip(pixels, -1e8, 1e8) * 2**_SUBPIXELS
                 lines.append(np.rint(scaled).astype(np.int32))
     for color, thickness in (((255, 255, 255), 2), ((0, 0, 0), 1)):
         cv2.polylines(view, lines, False, color, thickness, cv2.LINE_AA, shift=_SUBPIXELS)

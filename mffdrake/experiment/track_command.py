@@ -42,6 +42,7 @@ from mffdrake.experiment.recordings.trajectory import (
     Trajectory,
 )
 from mffdrake.experiment.scenario import LoadRecognizer
+from mffdrake.experiment.scenario_sections import RecognizerConfig
 from mffdrake.recognition import OneStepGaTracker, PoseTracker
 
 __all__ = ["RunTrack"]
@@ -81,7 +82,7 @@ def RunTrack(options: argparse.Namespace) -> int:
     try:
         with (
             _Bars(recording.count, options.generations) as (on_frame, on_generation),
-            MakeOverlay(options.overlay, folder, options.rate) as add_overlay,
+            MakeOverlay(options.overlay, folder, options.rate / options.stride) as add_overlay,
         ):
             frames = TrackRecording(
                 tracker, recording,
@@ -94,10 +95,10 @@ def RunTrack(options: argparse.Namespace) -> int:
                         frame.recorded.frame,
                         DrawViews(frame.recorded.images, estimate.pose, matcher.solid, matcher.rig),
                     )
-                # Images are large: only the last frame's are kept.
-                if tracked:
-                    tracked[-1] = tracked[-1].WithoutImages()
                 tracked.append(frame)
+                # Images are large: only the last frame's are kept.
+                if len(tracked) > 1:
+                    tracked[-2] = tracked[-2].WithoutImages()
                 on_frame(estimate.fitness)
     finally:
         if tracked:
@@ -110,10 +111,7 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
     """The algorithm that the options describe."""
     rig, solid = LoadRig(options.rig), LoadTarget(options.target)
     colors = None if options.colors is None else LoadColors(options.colors)
-    text = options.recognizer
-    if text is not None and _IsFile(text):
-        text = Path(text).read_text(encoding="utf-8")
-    config = LoadRecognizer(text or "{}")
+    config = _ReadRecognizer(options.recognizer or "{}")
     start_pose = np.zeros(6)
     if options.start is not None:
         config.start = "random"
@@ -138,6 +136,21 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
             np.round(middle, 3).tolist(),
         )
     return algorithm
+
+
+def _ReadRecognizer(given: str) -> RecognizerConfig:
+    """The section of a scenario, from a file or from YAML."""
+    if _IsFile(given):
+        try:
+            return LoadRecognizer(Path(given).read_text(encoding="utf-8"))
+        except ValueError as error:
+            text = "not a text file in UTF-8" if isinstance(error, UnicodeError) else str(error)
+            raise ArgumentsError(f"{given}: {text}") from error
+    if not set(given) & set(":{"):
+        raise ArgumentsError(
+            f"--recognizer {given}: no such file, and no YAML such as '{{refinement: borders}}'"
+        )
+    return LoadRecognizer(given)
 
 
 def _IsFile(text: str) -> bool:

@@ -20,14 +20,9 @@ from mffdrake.recognition._borders import (
     find_borders,
     find_jumps,
 )
-from mffdrake.recognition._edge_lines import (
-    Lines,
-    cross,
-    cross_jacobians,
-    edge_lines,
-    move,
-    move_lines,
-)
+from mffdrake.recognition._centering import center
+from mffdrake.recognition._edge_lines import Lines, edge_lines, move, move_lines
+from mffdrake.recognition._linear import compare, factor, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -40,6 +35,8 @@ _STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
 _LEAST_HARDNESS = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
+_HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
+_SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
 _JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
 
 
@@ -86,38 +83,6 @@ class Result(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(N: Array, L: Array) -> bool:
-    """Cholesky factor L of a symmetric matrix, from its lower half; false if it is singular."""
-    for i in range(6):
-        for j in range(i + 1):
-            total = N[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i > j:
-                L[i, j] = total / L[j, j]
-            elif total > 1e-9 * N[i, i]:
-                L[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def solve(L: Array, b: Array) -> Array:
-    """Solution x of L L^T x = b."""
-    x = b.copy()
-    for i in range(6):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
-    return x
-
-
-@njit(cache=True, error_model="numpy")
 def _add(J: Array, r: float, w: float, equations: Equations, shared: Array) -> None:
     """Adds one border to the normal equations and to its slot's sums."""
     for i in range(6):
@@ -134,27 +99,6 @@ def _robust(squared: float) -> float:
     """Tukey's weight of a squared error in units of its variance."""
     rest = 1.0 - squared / (_TUKEY * _TUKEY)
     return rest * rest if rest > 0.0 else 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def _compare(
-    pose: Array, lines: Lines, borders: Borders, scene: Scene, residuals: Array, J: Array
-) -> None:
-    """Fills in how far borders (or jumps) are from the lines, and how a `move` changes that."""
-    n, num_edges = len(borders), len(scene.solid.edges)
-    along, across, x, y = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    start = 0
-    while start < n:
-        slot, stop = borders[start].slot, start
-        while stop < n and borders[stop].slot == slot:
-            along[stop] = borders[stop].along
-            stop += 1
-        part, eye = slice(start, stop), scene.views[slot // num_edges].eye
-        cross(eye, lines[slot], along[part], across[part], x[part], y[part])
-        cross_jacobians(eye, lines[slot], x[part], y[part], pose, J[part])
-        for k in range(start, stop):
-            residuals[k] = borders[k].across - across[k]
-        start = stop
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,7 +119,7 @@ def normal_equations(
     least, edge_error = rules.border_error, rules.edge_error
     N, b = equations
     residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
-    _compare(pose, lines, borders, scene, residuals, J)
+    compare(pose, lines, borders, scene, residuals, J)
     scale = max(least, 1.4826 * float(np.median(np.abs(residuals))))
     # The cut is robust; what remains within it tells the variance.
     total, trusted = 0.0, 0.0
@@ -199,7 +143,7 @@ def normal_equations(
         border.weight = _robust(residuals[k] ** 2 / (scale * scale)) / variance
         _add(J[k], residuals[k], border.weight, equations, shared[border.slot])
     residuals, J = np.empty(len(jumps)), np.empty((len(jumps), 6))
-    _compare(pose, lines, jumps, scene, residuals, J)
+    compare(pose, lines, jumps, scene, residuals, J)
     for k in range(len(jumps)):
         jump = jumps[k]
         line = lines[jump.slot]
@@ -248,7 +192,7 @@ def _calibration_covariance(
     moved = np.zeros((len(scene.views), 2, 6))
     for marks in (found.borders, found.jumps):
         residuals, J = np.empty(len(marks)), np.empty((len(marks), 6))
-        _compare(pose, lines, marks, scene, residuals, J)
+        compare(pose, lines, marks, scene, residuals, J)
         for k in range(len(marks)):
             mark = marks[k]
             line, v = lines[mark.slot], mark.slot // num_edges
@@ -337,6 +281,11 @@ def _refine_once(
             unit[:] = 0.0
             unit[i] = 1.0
             covariance[:, i] = solve(L, unit)
+        if hardness > _HARD and stage.spacing == 1:
+            centered, step, spread = center(pose, lines, borders, scene)
+            if centered:
+                pose = move(pose, step)
+                covariance[:] = _SPREAD * spread
         if _calibration_errs(scene):
             covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
     return Result(outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -48,10 +49,12 @@ def LoadTarget(path: Path | str) -> SolidModel:
         ArgumentsError: When it is no convex solid with a hue on every face.
         OSError: When there is no such file.
     """
+    if not Path(path).is_file():
+        raise FileNotFoundError(errno.ENOENT, "no such mesh file", str(path))
     try:
         return SolidModel.from_mesh_file(path)
-    except FileNotFoundError:
-        raise
-    except (ValueError, OSError, KeyError, IndexError, NotImplementedError) as error:
+    except Exception as error:  # Readers of meshes raise of everything.
         text = " ".join(str(error).split())
+        if not isinstance(error, ValueError):
+            text = f"not a mesh that can be read: {text}"
         raise ArgumentsError(text if str(path) in text else f"{path}: {text}") from error

@@ -18,6 +18,7 @@ __all__ = [
     "OpenImages",
     "ReadImage",
     "ReadMask",
+    "RemoveNumbered",
     "Video",
 ]
 
@@ -52,7 +53,7 @@ class ImageFiles:
     """
 
     def __init__(self, paths: list[Path]) -> None:
-        self.paths = sorted(paths, key=_NaturalKey)
+        self.paths = sorted(paths, key=lambda path: (_NaturalKey(path), str(path)))
 
     @property
     def count(self) -> int:
@@ -167,12 +168,31 @@ def ReadMask(path: Path | str) -> NDArray[np.bool_]:
     return np.asarray(image > 0.5 * image.max()) & (image > 0)
 
 
+def RemoveNumbered(folder: Path, start: int = 0) -> None:
+    """Removes what an earlier command left: images ``000000.png`` and so on.
+
+    Args:
+        folder: Where they are; anything else there stays.
+        start: The first number that is removed.
+    """
+    for path in folder.glob(f"{6 * '[0-9]'}.png"):
+        if int(path.stem) >= start:
+            path.unlink()
+
+
 def _Decode(path: Path | str) -> NDArray[Any]:
     """An image file as OpenCV reads it, without the warning that it would print."""
     import cv2
 
-    data = np.fromfile(path, dtype=np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    data, image = np.fromfile(path, dtype=np.uint8), None
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        if len(data):
+            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # where it is said to be larger than any
+        image = None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if image is None:
         raise ImageSourceError(f"{path}: not an image that can be read")
     return image
@@ -181,4 +201,4 @@ def _Decode(path: Path | str) -> NDArray[Any]:
 def _NaturalKey(path: Path) -> list[tuple[int, int | str]]:
     """Sorts img2 before img10."""
     parts = re.split(r"(\d+)", str(path))
-    return [(1, int(part)) if part.isdigit() else (0, part) for part in parts]
+    return [(1, int(part)) if part.isdecimal() else (0, part) for part in parts]

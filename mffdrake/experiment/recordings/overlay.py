@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.pictures import SaveImage
+from mffdrake.experiment.recordings.image_files import RemoveNumbered
 
 __all__ = ["OVERLAYS", "MakeOverlay"]
 
@@ -18,6 +19,8 @@ OVERLAYS = ("images", "video")
 """How frames are drawn: a PNG each, or one MP4."""
 
 Image = NDArray[np.uint8]
+
+_LEAST_RATE, _GREATEST_RATE = 0.1, 500.0  # frames a second that the codec can say
 
 
 @contextmanager
@@ -29,7 +32,7 @@ def MakeOverlay(
     Args:
         kind: One of `OVERLAYS`; None for no pictures.
         folder: Where to write.
-        rate: The video's frames a second.
+        rate: The video's frames a second, from 0.1 to 500; what is beyond is played at that.
 
     Yields:
         A function that takes a frame's number and its RGB picture.
@@ -39,6 +42,7 @@ def MakeOverlay(
     """
     if kind == "images":
         (folder / "overlay").mkdir(exist_ok=True)
+        RemoveNumbered(folder / "overlay")
         yield lambda frame, view: SaveImage(view, folder / "overlay" / f"{frame:06d}.png")
     elif kind == "video":
         with _Video(folder / "overlay.mp4", rate) as add:
@@ -61,7 +65,9 @@ def _Video(path: Path, rate: float) -> Iterator[Callable[[int, Image], None]]:
             if not writers:
                 code = cv2.VideoWriter.fourcc(*"mp4v")
                 size = (even.shape[1], even.shape[0])
-                writers.append(cv2.VideoWriter(str(part), code, rate, size))
+                # The codec knows no more than 65535 parts of a second.
+                known = round(min(max(rate, _LEAST_RATE), _GREATEST_RATE), 2)
+                writers.append(cv2.VideoWriter(str(part), code, known, size))
                 if not writers[0].isOpened():
                     raise OSError(f"cannot write a video to {path}")
             writers[0].write(even[:, :, ::-1].copy())

@@ -17,6 +17,7 @@ from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.parts import MakeRig
 from mffdrake.experiment.pictures import SaveImage
+from mffdrake.experiment.recordings.image_files import RemoveNumbered
 from mffdrake.experiment.recordings.rig_file import DumpRig
 from mffdrake.experiment.recordings.trajectory import SaveTrajectory, Trajectory
 from mffdrake.experiment.scenario import Scenario
@@ -74,6 +75,8 @@ def Record(
         displacements.append(_Displacement(diagram, context))
 
     result = Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=OnExposure)
+    for name in rig.names:  # of a longer recording that was here
+        RemoveNumbered(folder / "images" / name, start=len(displacements))
     for name, poses in (
         ("motion", _Motion(scenario, result, displacements)),
         ("true_poses", result.true_pose),

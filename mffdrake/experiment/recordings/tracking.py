@@ -88,7 +88,7 @@ class Recording:
     def count(self) -> int | None:
         """How many frames count; None where that shows at the end only."""
         known = [self.sources[name].count for name in self.rig.names]
-        return None if None in known else -(-min(c for c in known if c) // self.stride)
+        return None if None in known else -(-min(c for c in known if c is not None) // self.stride)
 
     def __iter__(self) -> Iterator[RecordingFrame]:
         """The frames that count, one after the other.

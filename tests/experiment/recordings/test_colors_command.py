@@ -181,6 +181,52 @@ def test_a_color_file_comes_back(tmp_path):
         assert one.tolerance == pytest.approx(other.tolerance, abs=1e-7)
 
 
+@pytest.fixture
+def colors(recording, quickly, tmp_path, caplog):
+    """Learns from masks, marked rows of the right image; returns how it ended and its warnings."""
+
+    def learn(**marked):
+        masks = []
+        for name, rows in marked.items():
+            mask = np.zeros((240, 320), np.uint8)
+            mask[rows] = 255
+            cv2.imwrite(str(tmp_path / f"{name}.png"), mask)
+            masks.append(f"{name.rstrip('_')}=right:{tmp_path / name}.png")
+        finished = quickly(
+            "colors --rig rec/rig.yaml --target rec/target.obj "
+            f"--images right=rec/images/right/000000.png --masks {' '.join(masks)} "
+            f"--out {tmp_path / 'colors.yaml'}",
+            recording[0],
+        )
+        assert finished.returncode == 0, finished.stderr
+        return finished, [record.getMessage() for record in caplog.records]
+
+    return learn
+
+
+def test_materials_without_pixels_keep_the_mesh_s_hue_with_a_warning(colors, tmp_path):
+    """Be there no mask, or a black one."""
+    finished, warnings = colors(blue=slice(0, 240), red=slice(0, 0))
+    for name, warning in zip(("green", "red"), warnings, strict=True):
+        assert warning.startswith(f"no pixels of material '{name}': it keeps its mesh's hue")
+    learned = {c.name: np.degrees(c.hue) for c in LoadColors(tmp_path / "colors.yaml").colors}
+    assert learned == pytest.approx({"blue": 240.0, "green": 120.0, "red": 0.0}, abs=1e-6)
+    assert "| green | 120.0 | 20.0 | 0 |" in finished.stdout
+    assert "| red | 0.0 | 20.0 | 0 |" in finished.stdout
+
+
+def test_faces_that_look_alike_are_named_with_what_that_means(colors):
+    _, (missing, overlap) = colors(blue=slice(0, 240), red=slice(0, 240))
+    assert "no pixels of material 'green'" in missing
+    assert "the hues of 'blue' and 'red' overlap" in overlap
+    assert "no border to refine a pose from" in overlap
+
+
+def test_masks_of_one_material_add_up(colors):
+    finished, _ = colors(blue=slice(0, 130), blue_=slice(120, 240))
+    assert f"| blue | 240.0 | 5.0 | {240 * 320} |" in finished.stdout
+
+
 # Mistakes
 
 
@@ -213,6 +259,26 @@ def test_what_cannot_be_learned_from_is_named(recording, quickly, options, words
     for word in words:
         assert word in finished.stderr, finished.stderr
     assert not (tmp_path / "colors.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("right=rec/images/right/000001.png", ["--images right=...: camera 'right' stands there"]),
+        ("--out colors.png", ["--out colors.png: must be a text file"]),
+    ],
+)
+def test_what_would_overwrite_something_else_is_named(recording, quickly, options, words):
+    finished = quickly(
+        "colors --pose rec/start.tum --rig rec/rig.yaml --target rec/target.obj "
+        f"--images right=rec/images/right/000000.png {options}",
+        recording[0],
+    )
+    assert finished.returncode == 2
+    for word in words:
+        assert word in finished.stderr, finished.stderr
+    assert not (recording[0] / "colors.png").exists()
+    assert not (recording[0] / "colors.yaml").exists()
 
 
 def test_an_image_of_another_size_is_named(recording, quickly, tmp_path):

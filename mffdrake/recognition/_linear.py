@@ -1,0 +1,71 @@
+"""Compiled linear algebra of borders (numba; import it late).
+
+Moves have six components: translation and rotation vector, both in the rig's frame.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition._borders import Borders
+from mffdrake.recognition._edge_lines import Lines, cross, cross_jacobians
+from mffdrake.recognition._structs import Scene
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def factor(N: Array, L: Array) -> bool:
+    """Cholesky factor L of a symmetric matrix, from its lower half; false if it is singular."""
+    for i in range(6):
+        for j in range(i + 1):
+            total = N[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total > 1e-9 * N[i, i]:
+                L[i, i] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def solve(L: Array, b: Array) -> Array:
+    """Solution x of L L^T x = b."""
+    x = b.copy()
+    for i in range(6):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    return x
+
+
+@njit(cache=True, error_model="numpy")
+def compare(
+    pose: Array, lines: Lines, borders: Borders, scene: Scene, residuals: Array, J: Array
+) -> None:
+    """Fills in how far borders (or jumps) are from the lines, and how a `move` changes that."""
+    n, num_edges = len(borders), len(scene.solid.edges)
+    along, across, x, y = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    start = 0
+    while start < n:
+        slot, stop = borders[start].slot, start
+        while stop < n and borders[stop].slot == slot:
+            along[stop] = borders[stop].along
+            stop += 1
+        part, eye = slice(start, stop), scene.views[slot // num_edges].eye
+        cross(eye, lines[slot], along[part], across[part], x[part], y[part])
+        cross_jacobians(eye, lines[slot], x[part], y[part], pose, J[part])
+        for k in range(start, stop):
+            residuals[k] = borders[k].across - across[k]
+        start = stop
