@@ -188,7 +188,10 @@ class BorderRefiner:
     only (1), or blended by area (0). In a hard image, neighbors along an edge that is nearly a row
     or column share their error, so that they count as one. But where their pixel changes, the edge
     passes through that pixel's center, which a slope m locates to m/sqrt(12) px: those jumps
-    carry most of what such an image tells.
+    carry most of what such an image tells. From a hardness of 0.7 on, the steps end in the middle
+    of all poses that round to the same borders (`_centering`), where there are such poses: a row
+    tells only between which two pixel centers the edge passes, and where edges run along the
+    pixels' rows and few rows differ, least squares need not end there.
 
     *Steps.* The border on a row moves by ``f n.dX / (depth n_u)`` as the target's point there moves
     by ``dX = dt + dtheta x (X - t)``, with n the normal of the plane through the edge and the
@@ -196,7 +199,9 @@ class BorderRefiner:
     weighted with the inverse of a covariance in which the borders of an edge share an error.
 
     *Covariance.* It is the inverse of that system's matrix, carried over to the pose vector by
-    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6).
+    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In a hard image's middle it is twice the inverse
+    curvature of the barrier there, by experiment. What the cameras' calibration may leave comes on
+    top.
 
     Args:
         matcher: The solid, the camera and the tolerances of hue; it also checks the result.
