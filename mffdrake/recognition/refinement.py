@@ -199,9 +199,8 @@ class BorderRefiner:
     weighted with the inverse of a covariance in which the borders of an edge share an error.
 
     *Covariance.* It is the inverse of that system's matrix, carried over to the pose vector by
-    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In a hard image's middle it is twice the inverse
-    curvature of the barrier there, by experiment. What the cameras' calibration may leave comes on
-    top.
+    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In a hard image's middle it is twice the
+    barrier's inverse curvature, by experiment. What the cameras' calibration may leave comes on top.
 
     Args:
         matcher: The solid, the camera and the tolerances of hue; it also checks the result.
