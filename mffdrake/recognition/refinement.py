@@ -200,7 +200,7 @@ class BorderRefiner:
 
     *Covariance.* It is the inverse of that system's matrix, carried over to the pose vector by
     ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In a hard image's middle it is twice the
-    barrier's inverse curvature, by experiment. What the cameras' calibration may leave comes on top.
+    barrier's inverse curvature, by experiment. What calibrations may leave comes on top.
 
     Args:
         matcher: The solid, the camera and the tolerances of hue; it also checks the result.
