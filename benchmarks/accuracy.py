@@ -68,6 +68,16 @@ SECTIONS = (
         "pixels or to a few samples a pixel. NEES is the squared error in units of the stated "
         "covariance: below 6 the covariance is cautious.",
     ),
+    (
+        "Along the box's axes",
+        accuracy_images.axes_table,
+        "Where the edges of the box run along the pixels' rows and columns, and each pixel shows one color "
+        "only (the flat renderer), many poses draw the very same image: a row tells between which two "
+        "pixel centers an edge passes, and few rows differ. Sampled evenly, the poses that draw the "
+        "same image scatter about their mean by 0.6 mm in depth and 0.03 mm sideways (24 poses at random "
+        "sub-pixel places): no estimator does better on average. The refinement ends in the middle of "
+        "those poses; least squares alone left 0.9 mm.",
+    ),
 )
 
 

@@ -31,6 +31,7 @@ from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 SEED = 900  # apart from those that the parameters were tuned on
 POSES = {320: 200, 640: 200, 1280: 60}
 NOISES = (0, 2, 5)
+TURNS = (0.0, 0.02, 0.1, 0.3, 2.0, 8.0)
 BASELINE = 0.150
 GREY = 128.0
 
@@ -181,5 +182,24 @@ def table() -> str:
     return markdown(header, rows)
 
 
+def axes_table(count: int = 100) -> str:
+    """Views along the box's axes, and turned from them more and more."""
+    solid = mff.SolidModel.from_mesh_file(mff.FindModelsPath() / "target_box.obj")
+    rig = mff.CameraRig.stereo(baseline=BASELINE)
+    refiner, rows = BorderRefiner(mff.Matcher(mff.SearchModel(solid), rig)), []
+    for degrees in TURNS:
+        rng = np.random.default_rng(SEED + 2)
+        turns = rotate_by(rng.normal(0.0, math.radians(degrees), (count, 3)))
+        positions = np.array([0.0, 0.155, 0.8]) + rng.normal(0.0, 0.020, (count, 3))
+        poses = np.column_stack([positions, turns])
+        images = list(render("flat", rig, poses))
+        for noise in (0, 2):
+            rows.append([degrees, noise, *measure(refiner, poses, images, noise, hidden=False)])
+    header = ["turned by about [deg]", "noise [grey levels]", "refined", "x [mm]", "y [mm]"]
+    header += ["z [mm]", "position [mm]", "rotation [deg]", "mean NEES (6 expected)"]
+    return markdown(header, rows)
+
+
 if __name__ == "__main__":
     print(table())
+    print(axes_table())
