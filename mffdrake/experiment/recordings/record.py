@@ -60,7 +60,8 @@ def Record(
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
         OSError: When the files cannot be written.
     """
-    mesh = FindScenarioMesh(scenario)
+    # First, as it may fail, and the simulation may take long.
+    _CopyMesh(FindScenarioMesh(scenario), folder)
     diagram = MakeHandEyeDiagram(scenario)
     rig = diagram.GetSubsystemByName("recognizer").tracker.matcher.rig
     for name in rig.names:
@@ -92,7 +93,6 @@ def Record(
     ):
         with WholeFile(folder / name) as part:
             part.write_text(text, encoding="utf-8")
-    _CopyMesh(mesh, folder)
     return result
 
 
@@ -153,7 +153,8 @@ def _CopyMesh(mesh: Path, folder: Path) -> None:
     copy = folder / f"target{mesh.suffix}"
     shutil.copyfile(mesh, copy)
     if mesh.suffix.lower() == ".obj":
-        for line in mesh.read_text(encoding="utf-8").splitlines():
+        for line in mesh.read_text(encoding="utf-8", errors="replace").splitlines():
             if line.startswith("mtllib "):
                 for name in line.split()[1:]:
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(mesh.parent / name, folder / name)
