@@ -178,7 +178,12 @@ def find_borders(
     for view in scene.views:
         rows = max(view.eye.width, view.eye.height) // stage.spacing + 1
         total, most = total + rows, max(most, rows)
-    borders = np.zeros(num_edges * total, dtype=BORDER)
+    needed = 0.0
+    for slot in range(len(lines)):
+        if lines[slot].seen:
+            needed += abs(lines[slot].last - lines[slot].first) / stage.spacing + 2.0
+    # No more memory than may be needed, and untouched: fresh pages cost more than the search.
+    borders = np.empty(int(min(needed, float(num_edges * total))), dtype=BORDER)
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     count, sought, slot = 0, 0, -1
     R_CM, placed = rotation(pose[3:]), new_placed()
@@ -233,7 +238,7 @@ def find_borders(
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
                     border.slot, border.along, border.across = slot, along[r], position
-                    border.blended = blended
+                    border.blended, border.within, border.weight = blended, 0.0, 0.0
                     count += 1
     return borders[:count], sought
 
@@ -268,7 +273,7 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
     VTK's FXAA, bends a border's last one or two pixels at the corners; those are no jumps.)
     """
     n = len(borders)
-    jumps = np.zeros(n, dtype=BORDER)
+    jumps = np.empty(n, dtype=BORDER)
     rounded = np.empty(n)
     for k in range(n):
         rounded[k] = math.floor(borders[k].across) + 0.5
@@ -293,7 +298,7 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
                 jump.slot = here.slot
                 jump.along = borders[last].along + stayed + 0.5
                 jump.across = 0.5 * (rounded[k] + rounded[last])
-                jump.within = k - last - 2.0
+                jump.blended, jump.within, jump.weight = 0.0, k - last - 2.0, 0.0
                 count += 1
         last = k
     return jumps[:count]

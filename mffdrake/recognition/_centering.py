@@ -38,7 +38,7 @@ _STEPS = 70
 def find_walls(borders: Borders) -> Borders:
     """The first and the last row of every run at one pixel, with the border rounded to it."""
     n = len(borders)
-    walls = np.zeros(n, dtype=BORDER)
+    walls = np.empty(n, dtype=BORDER)
     count = 0
     for k in range(n):
         here = borders[k]
@@ -63,6 +63,7 @@ def find_walls(borders: Borders) -> Borders:
         if first or last:
             wall = walls[count]
             wall.slot, wall.along, wall.across = here.slot, here.along, pixel + 0.5
+            wall.blended, wall.within, wall.weight = 0.0, 0.0, here.weight
             count += 1
     return walls[:count]
 
