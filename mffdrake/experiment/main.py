@@ -201,10 +201,10 @@ def _AddImageCommands(commands: Any) -> None:
 
 
 def _NotNegative(text: str) -> int:
-    if not (text.isdecimal() and int(text) < 2**63):
-        raise argparse.ArgumentTypeError(
-            f"must be a whole number from 0 to below 2^63, not '{text}'"
-        )
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 on, not '{text}'")
+    if int(text) >= 2**63:
+        raise argparse.ArgumentTypeError(f"must be below 2^63, not '{text}'")
     return int(text)
 
 
