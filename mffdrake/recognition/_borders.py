@@ -18,7 +18,6 @@ from mffdrake.recognition._lens import Eye, pixel
 from mffdrake.recognition._structs import ColorGate, Scene, new_placed, place
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 Borders = NDArray[np.void]
 Color: TypeAlias = tuple[float, float, float]

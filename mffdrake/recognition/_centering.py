@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import BORDER, Borders
 from mffdrake.recognition._edge_lines import Lines
-from mffdrake.recognition._linear import compare, factor, solve
+from mffdrake.recognition._linear import compare, factor, invert, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -82,9 +82,8 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
     walls = find_walls(borders)
     n = len(walls)
     x, L, H = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 6))
-    covariance = np.zeros((6, 6))
     if n < _LEAST_WALLS:
-        return False, x, covariance
+        return False, x, H
     residuals, J = np.empty(n), np.empty((n, 6))
     compare(pose, lines, walls, scene, residuals, J)
     gradient = np.empty(6)
@@ -108,7 +107,7 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
                 for j in range(i + 1):
                     H[i, j] += J[k, i] * J[k, j] * curvature
         if not factor(H, L):
-            return False, x, covariance
+            return False, x, H
         step = solve(L, gradient)
         share = 1.0
         if not power:
@@ -124,9 +123,4 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
                 residuals[k] += share * step[i] * J[k, i]
         if settled:
             break
-    unit = np.zeros(6)
-    for i in range(6):
-        unit[:] = 0.0
-        unit[i] = 1.0
-        covariance[:, i] = solve(L, unit)
-    return settled, x, covariance
+    return settled, x, invert(L)

@@ -51,6 +51,17 @@ def solve(L: Array, b: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def invert(L: Array) -> Array:
+    """Inverse of L L^T, shape (6, 6)."""
+    inverse, unit = np.empty((6, 6)), np.zeros(6)
+    for i in range(6):
+        unit[:] = 0.0
+        unit[i] = 1.0
+        inverse[:, i] = solve(L, unit)
+    return inverse
+
+
+@njit(cache=True, error_model="numpy")
 def compare(
     pose: Array, lines: Lines, borders: Borders, scene: Scene, residuals: Array, J: Array
 ) -> None:

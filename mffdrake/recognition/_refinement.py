@@ -22,11 +22,10 @@ from mffdrake.recognition._borders import (
 )
 from mffdrake.recognition._centering import center
 from mffdrake.recognition._edge_lines import Lines, edge_lines, move, move_lines
-from mffdrake.recognition._linear import compare, factor, solve
+from mffdrake.recognition._linear import compare, factor, invert, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SETTLED, TOO_FEW, SINGULAR, UNSETTLED = range(4)
 
@@ -276,11 +275,7 @@ def _refine_once(
         if advance < _SETTLED and k >= 2:
             break
     if outcome == SETTLED and final:
-        unit = np.zeros(6)
-        for i in range(6):
-            unit[:] = 0.0
-            unit[i] = 1.0
-            covariance[:, i] = solve(L, unit)
+        covariance = invert(L)
         if hardness > _HARD and stage.spacing == 1:
             centered, step, spread = center(pose, lines, borders, scene)
             if centered:

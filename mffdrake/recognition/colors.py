@@ -128,7 +128,7 @@ class ColorModel:
             & (value >= self.min_value)
             & (chroma >= self.min_chroma)
         )
-        away = np.abs(np.remainder(hue[..., None] - self._hues + math.pi, 2.0 * math.pi) - math.pi)
+        away = np.abs(around_circle(hue[..., None] - self._hues))
         nearest = np.argmin(away, axis=-1)
         # The last bit of a degree must not decide.
         shown = (away <= self._tolerances + 1e-9) & self._same[nearest] & colorful[..., None]
@@ -154,8 +154,7 @@ class ColorModel:
     @cached_property
     def _apart(self) -> Array:
         """Differences of the mean hues, shape (C, C)."""
-        difference = self._hues[:, None] - self._hues
-        return np.abs(np.remainder(difference + math.pi, 2.0 * math.pi) - math.pi)
+        return np.abs(around_circle(self._hues[:, None] - self._hues))
 
     @cached_property
     def _alike(self) -> NDArray[np.bool_]:
@@ -272,6 +271,23 @@ def hue_chroma_value(rgb: ArrayLike) -> tuple[Array, Array, Array]:
     return np.remainder(sixths, 6.0) * (math.pi / 3.0), chroma / 255.0, high / 255.0
 
 
+def around_circle(angle: ArrayLike) -> Array:
+    """Differences of hues, brought to the shorter way around the color circle.
+
+    Args:
+        angle: Angles [rad], any shape.
+
+    Returns:
+        The same angles in [-pi, pi), of the same shape.
+
+    Example:
+        >>> float(around_circle(1.5 * math.pi)) == -0.5 * math.pi
+        True
+    """
+    shifted = np.asarray(angle, dtype=float) + math.pi
+    return np.asarray(np.remainder(shifted, 2.0 * math.pi) - math.pi)
+
+
 def learn_color(name: str, pixels: ArrayLike, gates: ColorModel) -> FaceColor:
     """Mean hue and spread of a face's pixels.
 
@@ -309,7 +325,7 @@ def learn_color(name: str, pixels: ArrayLike, gates: ColorModel) -> FaceColor:
     hue = hue[counts]
     mean = float(np.angle(np.exp(1j * hue).mean()))
     for _ in range(10):
-        away = np.remainder(hue - mean + math.pi, 2.0 * math.pi) - math.pi
+        away = around_circle(hue - mean)
         middle = float(np.median(away))
         # Most pixels of a saturated face may have one hue and some another: no cut below 15 deg.
         cut = max(4.0 * 1.4826 * float(np.median(np.abs(away - middle))), _LEAST_CUT)

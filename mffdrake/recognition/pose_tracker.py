@@ -14,7 +14,12 @@ from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.genetic import GeneCoding, SearchRange
 from mffdrake.recognition.matching import Images, Matcher
-from mffdrake.recognition.pose import quaternion_scalar, rotation_matrix, transport_pose
+from mffdrake.recognition.pose import (
+    quaternion_rate_matrix,
+    quaternion_scalar,
+    rotation_matrix,
+    transport_pose,
+)
 from mffdrake.recognition.refinement import BorderRefiner
 from mffdrake.recognition.search import Found, PoseSearch
 from mffdrake.recognition.solid_model import SearchModel, SolidModel
@@ -71,9 +76,7 @@ class Estimate:
     def std_rotation(self) -> float:
         """Standard deviation of the orientation [rad], all axes together; NaN if not refined."""
         # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6)
-        eta, e = quaternion_scalar(self.pose[3:]), self.pose[3:]
-        S = np.array([[0.0, -e[2], e[1]], [e[2], 0.0, -e[0]], [-e[1], e[0], 0.0]])
-        back = np.linalg.pinv(0.5 * (eta * np.eye(3) - S))
+        back = np.linalg.pinv(quaternion_rate_matrix(self.pose[3:]))
         return float(np.sqrt(np.trace(back @ self.covariance[3:, 3:] @ back.T)))
 
 

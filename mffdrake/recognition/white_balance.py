@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.colors import hue_chroma_value
+from mffdrake.recognition.colors import around_circle, hue_chroma_value
 from mffdrake.recognition.matching import Gains, Images, Matcher
 from mffdrake.recognition.pose import transform_from_pose
 
@@ -81,7 +81,7 @@ class AdaptiveWhiteBalance:
             matcher.colors.colors, _pixels_of_colors(pose, images, matcher), strict=True
         ):
             hue, chroma, value = hue_chroma_value(np.minimum(pixels * gains, 255.0))
-            near = np.abs(_around(hue - color.hue)) <= 2.0 * color.tolerance
+            near = np.abs(around_circle(hue - color.hue)) <= 2.0 * color.tolerance
             counts = near & (chroma >= matcher.colors.min_chroma) & (value < 0.99) & (chroma > 0.0)
             if counts.sum() >= _LEAST_PIXELS:
                 means.append(pixels[counts].mean(axis=0))
@@ -92,7 +92,7 @@ class AdaptiveWhiteBalance:
 
         def off(logs: Array) -> Array:
             scaled = colors * np.exp([logs[0], 0.0, logs[1]])
-            return _around(hue_chroma_value(scaled)[0] - hues)
+            return around_circle(hue_chroma_value(scaled)[0] - hues)
 
         logs = np.log([gains[0], gains[2]])
         J = np.column_stack(
@@ -102,11 +102,6 @@ class AdaptiveWhiteBalance:
         logs += np.clip(move, -self.rate, self.rate)
         red, blue = np.exp(logs).tolist()
         return red, 1.0, blue
-
-
-def _around(angle: Array) -> Array:
-    """Angles brought to [-pi, pi)."""
-    return np.asarray(np.remainder(angle + math.pi, 2.0 * math.pi) - math.pi)
 
 
 def _pixels_of_colors(pose: ArrayLike, images: Images, matcher: Matcher) -> list[Array]:
