@@ -15,6 +15,7 @@ from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.recordings.arguments import (
     ArgumentsError,
+    ImagesByCamera,
     LoadTarget,
     SplitArguments,
 )
@@ -51,13 +52,11 @@ def RunColors(options: argparse.Namespace) -> int:
         raise ArgumentsError(f"--out {out}: must be a text file such as colors.yaml, no picture")
     MakeOutputFolder(out.parent)
     images = {}
-    for name, file in SplitArguments("--images", "NAME=FILE", options.images):
+    for name, file in ImagesByCamera("NAME=FILE", options.images).items():
         if name not in rig.names:
             raise ArgumentsError(
                 f"--images {name}=...: the rig has the cameras {', '.join(rig.names)}"
             )
-        if name in images:
-            raise ArgumentsError(f"--images {name}=...: camera '{name}' stands there twice")
         images[name] = ReadImage(file)
         try:
             rig.cameras[rig.names.index(name)].check_image(images[name])

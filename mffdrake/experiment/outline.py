@@ -74,6 +74,16 @@ def DrawViews(
     Returns:
         An RGB image, as high as the highest image; cameras stand by where they look from, those
         on the rig's left (at less x) first.
+
+    Raises:
+        ValueError: When there are more or fewer images than cameras.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> grey = np.full((480, 640, 3), 128, dtype=np.uint8)
+        >>> DrawViews([grey, grey], None, box, CameraRig.stereo()).shape
+        (480, 1280, 3)
     """
     import cv2
 

@@ -23,8 +23,8 @@ from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.plotting import PlotTrack, SaveFigure
 from mffdrake.experiment.recordings.arguments import (
     ArgumentsError,
+    ImagesByCamera,
     LoadTarget,
-    SplitArguments,
 )
 from mffdrake.experiment.recordings.color_file import LoadColors
 from mffdrake.experiment.recordings.image_files import OpenImages
@@ -64,14 +64,10 @@ def RunTrack(options: argparse.Namespace) -> int:
     """
     algorithm = _MakeAlgorithm(options)
     matcher = algorithm.matcher
-    sources = {}
-    for name, source in SplitArguments("--images", "NAME=SOURCE", options.images):
-        if name in sources:
-            raise ArgumentsError(f"--images {name}=...: camera '{name}' stands there twice")
-        sources[name] = OpenImages(source)
+    given = ImagesByCamera("NAME=SOURCE", options.images)
     recording = Recording(
         rig=matcher.rig,
-        sources=sources,
+        sources={name: OpenImages(source) for name, source in given.items()},
         motion=None if options.motion is None else LoadTrajectory(options.motion),
         stride=options.stride,
         rate=options.rate,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+_MODELS = ("none", "plumb_bob", "equidistant")  # as `_lens` numbers them
 _COUNTS = {"none": (0,), "plumb_bob": (4, 5, 8), "equidistant": (4,)}
 
 
@@ -214,7 +215,7 @@ class Camera:
         k = [0.0] * 8
         k[: len(self.distortion.coefficients)] = self.distortion.coefficients
         lens = Lens(
-            ("none", "plumb_bob", "equidistant").index(self.distortion.model),
+            _MODELS.index(self.distortion.model),
             float(self.fx), float(self.fy), float(self.cx), float(self.cy),
             tuple(k), (0.999 * self.distortion.max_radius) ** 2,
         )  # fmt: skip

@@ -40,6 +40,11 @@ class Estimate:
         covariance: Covariance of its error, shape (6, 6); NaN where the pose is not refined.
         fitness: Its fitness, 0 to 1.
         frame: Number of the frame, from 0.
+
+    Example:
+        >>> estimate = Estimate(np.array([0.0, 0.1, 0.8, 0.6, 0.0, 0.0]), 0.9, 0)
+        >>> estimate.refined, estimate.quaternion_xyzw
+        (False, array([0.6, 0. , 0. , 0.8]))
     """
 
     pose: Array

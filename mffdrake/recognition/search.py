@@ -42,6 +42,10 @@ class SearchParameters:
 
     Raises:
         ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> SearchParameters(agreement=2).patience
+        20
     """
 
     patience: int = 20

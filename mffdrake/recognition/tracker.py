@@ -57,6 +57,10 @@ class ColoredStart:
     Attributes:
         draws: So many times more poses are drawn than candidates are wanted; those count whose
             middle shows a color of the solid in the most images.
+
+    Example:
+        >>> ColoredStart().draws
+        20
     """
 
     draws: int = 20

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mffdrake.recognition import SolidModel
 
-__all__ = ["ArgumentsError", "LoadTarget", "SplitArguments"]
+__all__ = ["ArgumentsError", "ImagesByCamera", "LoadTarget", "SplitArguments"]
 
 
 class ArgumentsError(ValueError):
@@ -37,6 +37,31 @@ def SplitArguments(option: str, form: str, values: Sequence[str]) -> list[tuple[
             raise ArgumentsError(f"{option} {value}: must be {form}")
         pairs.append((key, rest))
     return pairs
+
+
+def ImagesByCamera(form: str, values: Sequence[str]) -> dict[str, str]:
+    """Splits the arguments of ``--images``.
+
+    Args:
+        form: How an argument must look, for messages.
+        values: The arguments, one a camera.
+
+    Returns:
+        Camera's name to where its images are.
+
+    Raises:
+        ArgumentsError: When one is of another form, or a camera stands there twice.
+
+    Example:
+        >>> ImagesByCamera("NAME=SOURCE", ["left=a.png", "right=b.png"])
+        {'left': 'a.png', 'right': 'b.png'}
+    """
+    images: dict[str, str] = {}
+    for name, place in SplitArguments("--images", form, values):
+        if name in images:
+            raise ArgumentsError(f"--images {name}=...: camera '{name}' stands there twice")
+        images[name] = place
+    return images
 
 
 def LoadTarget(path: Path | str) -> SolidModel:

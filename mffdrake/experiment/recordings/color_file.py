@@ -51,6 +51,13 @@ def LoadColors(path: Path | str) -> ColorModel:
     Raises:
         ColorFileError: When a key or a value is wrong; the message names it.
         OSError: When the file cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "colors.yaml"
+        >>> _ = file.write_text("colors: {red: {hue_deg: 3.0, tolerance_deg: 15.0}}")
+        >>> LoadColors(file).names
+        ('red',)
     """
     try:
         data = ReadYaml(Path(path).read_text(encoding="utf-8"))
