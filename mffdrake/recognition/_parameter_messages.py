@@ -1,0 +1,92 @@
+"""What to say of wrong parameters: one line for the person who gave them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from pydantic import ValidationError
+
+__all__ = ["explain", "unknown_key"]
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """What to say of a key that is not there, with the nearest right one."""
+    known = list(known)
+    close = difflib.get_close_matches(key, known, n=1)
+    hint = f" (did you mean '{close[0]}'?)" if close else ""
+    return f"unknown key '{key}'%s{hint}; known keys: {', '.join(known) or 'none'}"
+
+
+def _one_of(context: dict[str, Any]) -> str:
+    return "must be one of " + str(context["expected"]).replace("'", "").replace(" or ", ", ")
+
+
+_WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "int_type": lambda c: "must be a whole number",
+    "int_from_float": lambda c: "must be a whole number",
+    "float_type": lambda c: "must be a number",
+    "string_type": lambda c: "must be a text",
+    "bool_type": lambda c: "must be true or false",
+    "finite_number": lambda c: "must be finite",
+    "greater_than": lambda c: "must be positive" if c["gt"] == 0 else f"must be above {c['gt']:g}",
+    "greater_than_equal": lambda c: f"must be at least {c['ge']:g}",
+    "less_than": lambda c: f"must be below {_number(c['lt'])}",
+    "less_than_equal": lambda c: f"must be at most {c['le']:g}",
+    "literal_error": lambda c: f"must be one of {c['expected'].replace(' or ', ', ')}".replace(
+        "'", ""
+    ),
+    "one_of": lambda c: str(c["allowed"]),
+    "tuple_type": lambda c: "must be a list",
+    "too_short": lambda c: f"must be a list of {c.get('length', 'more')} values",
+    "too_long": lambda c: f"must be a list of {c['max_length']} values",
+    "missing": lambda c: "must be given",
+    "none_required": lambda c: "must be null",
+    "dataclass_type": lambda c: "must be a mapping",
+}
+
+
+def _number(value: float) -> str:
+    return "2^63" if value == 2**63 else f"{value:g}"
+
+
+def explain(error: ValidationError, where: str = "") -> str:
+    """The first of the errors in one line: key, rule, value.
+
+    Args:
+        error: What pydantic found.
+        where: Key of what was validated.
+
+    Returns:
+        Such as ``"min_value must be at most 1, not 2"``.
+    """
+    errors = error.errors(include_url=False)
+    first = errors[0]
+    kind, context, location = first["type"], first.get("ctx", {}), first["loc"]
+    if kind == "missing" and isinstance(location[-1], int):  # A list is too short.
+        kind, location = "too_short", location[:-1]
+        missing = [e["loc"][-1] for e in errors if e["loc"][:-1] == location]
+        context = {"length": 1 + max(index for index in missing if isinstance(index, int))}
+    key = where
+    for part in location:
+        if isinstance(part, int):
+            key += f"[{part}]"
+        elif not part.startswith("!") and part != "name":  # Those two are `OneOf`'s choices.
+            key += f".{part}" if key else part
+    if kind == "unknown_key":
+        return str(context["text"]) % (f" in {key}" if key else "")
+    if kind == "unexpected_keyword_argument":
+        return f"unknown parameter '{key}'"
+    if kind == "value_error":
+        text = str(context["error"])
+        return f"{key}: {text}" if key else text
+    rule = _WORDS[kind](context) if kind in _WORDS else first["msg"]
+    value = "" if kind == "missing" else f", not {_shown(first['input'])}"
+    return f"{key} {rule}{value}".lstrip()
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        value = list(value)
+    return repr(value)
