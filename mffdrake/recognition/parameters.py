@@ -99,7 +99,7 @@ def parameters(cls: type[_T]) -> type[_T]:
 
     def _check_keys(owner: type, data: Any) -> Any:
         if isinstance(data, Mapping):
-            known = [field.name for field in dc.fields(owner)]  # type: ignore[arg-type]
+            known = [field.name for field in dc.fields(owner)]
             for key in data:
                 if key not in known:
                     raise PydanticCustomError(
@@ -138,7 +138,7 @@ _Adapter = pydantic.TypeAdapter[Any]
 
 @functools.cache
 def _adapter(cls: Hashable) -> _Adapter:
-    return pydantic.TypeAdapter(cls)
+    return pydantic.TypeAdapter(cls)  # type: ignore[arg-type]
 
 
 def read_parameters(cls: type[_T], data: Mapping[str, Any], where: str = "") -> _T:
