@@ -22,6 +22,7 @@ from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
 from mffdrake.experiment.executors import Executor, InProcess, WorkerDiedError
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.options import GivenOptions
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
     PlotComparison,
@@ -39,13 +40,14 @@ from mffdrake.experiment.recordings.rig_file import RigError
 from mffdrake.experiment.recordings.tracking import RecordingError
 from mffdrake.experiment.recordings.trajectory import TrajectoryError
 from mffdrake.experiment.reproduce_command import RunReproduce
-from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario import Change, LoadScenario, Scenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.store import StoreError
 from mffdrake.experiment.sweep import OtherCodeError
 from mffdrake.experiment.sweep_command import RunSweep
 from mffdrake.experiment.track_command import RunTrack
 from mffdrake.experiment.visualization import SaveReplay
+from mffdrake.recognition import ParameterError
 from mffdrake.recognition.calibration import CalibrationError
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
@@ -54,7 +56,7 @@ __all__ = ["RunCommand", "UserError"]
 
 
 _USER_ERRORS = (
-    ScenarioError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
+    ParameterError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
     StoreError, OtherCodeError, ArgumentsError, CalibrationError, ColorFileError,
     ImageSourceError, RecordingError, RigError, TrajectoryError,
 )  # fmt: skip
@@ -117,14 +119,10 @@ def _CheckFiles(options: argparse.Namespace) -> None:
 def _LoadScenario(options: argparse.Namespace) -> Scenario:
     """The scenario's file and text, with the single options on top."""
     scenario = LoadScenario(options.scenario_file, options.scenario_text)
-    for name in ("duration", "seed", "renderer", "method"):
-        value = getattr(options, name, None)
-        if value is not None:
-            setattr(scenario, name, value)
+    values = GivenOptions(options, "duration", "seed", "renderer", "method")
     if options.command in ("run", "record") and options.omega is not None:
-        scenario.hand_path.omega = options.omega
-    scenario.Validate()
-    return scenario
+        values["hand_path.omega"] = options.omega
+    return Change(scenario, values)
 
 
 def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:

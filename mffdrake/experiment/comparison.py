@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 
 from mffdrake.experiment.executors import Executor, InProcess
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.sweep import RunScenario
 
@@ -40,10 +39,8 @@ def MakeVariants(
     for omega in omegas:
         for method in methods:
             for seed in range(scenario.seed, scenario.seed + num_seeds):
-                variant = copy.deepcopy(scenario)
-                variant.hand_path.omega, variant.method, variant.seed = omega, method, seed
-                variant.Validate()
-                variants.append(variant)
+                values = {"hand_path.omega": omega, "method": method, "seed": seed}
+                variants.append(Change(scenario, values))
     return variants
 
 
@@ -76,7 +73,7 @@ def Compare(
     code = CodeFingerprint()
     results: dict[int, SimulationResult] = {}
     with executor:
-        arguments = [(scenario.Dump(), code) for scenario in scenarios]
+        arguments = [(scenario, code) for scenario in scenarios]
         for outcome in executor.Run(RunScenario, arguments):
             if outcome.exception is not None:
                 raise outcome.exception

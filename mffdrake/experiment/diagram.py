@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal, cast
-
 import numpy as np
 from pydrake.geometry import Meshcat, Role
 from pydrake.math import RollPitchYaw
@@ -15,7 +13,6 @@ from mffdrake.experiment.parts import (
     AddSceneRenderer,
     MakeController,
     MakeRig,
-    MakeTracker,
 )
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.target import (
@@ -51,7 +48,6 @@ def CheckScenario(scenario: Scenario) -> None:
     Example:
         >>> CheckScenario(Scenario(duration=1.0))
     """
-    scenario.Validate()
     SolveHandPath(MakePa10Plant(), scenario.hand_path.Make(), duration=scenario.duration)
     mesh = FindScenarioMesh(scenario)
     WarnOutside(scenario, LoadSolid(mesh, scenario), MakeRig(scenario))
@@ -102,8 +98,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         >>> diagram.GetSubsystemByName("recognizer").num_hypotheses
         60
     """
-    scenario.Validate()
-    timing = scenario.timing.Make()
+    timing = scenario.timing
     rig = MakeRig(scenario)
     p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
     # The arm as the controller and the predictor know it
@@ -166,8 +161,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         model_instance=arm_instance,
     )
     solid = LoadSolid(mesh, scenario)
-    tracker = MakeTracker(
-        scenario.recognizer,
+    tracker = scenario.recognizer.make_tracker(
         solid=solid,
         rig=rig,
         seed=scenario.seed,
@@ -187,7 +181,7 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
             MffPredictor(
                 plant=arm,
                 num_hypotheses=recognizer.num_hypotheses,
-                mode=cast(Literal["rigid", "velocity"], scenario.predictor.mode),
+                mode=scenario.predictor.mode,
                 latency=scenario.camera.latency
                 if scenario.predictor.latency is None
                 else scenario.predictor.latency,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.recognition.parameters import kind_of
 from mffdrake.recognition.pose import rotation_angle
 
 __all__ = [
@@ -64,7 +65,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "seed": scenario.seed,
         "start": scenario.recognizer.start,
         "coding": scenario.recognizer.coding,
-        "refinement": scenario.recognizer.refinement,
+        "refinement": kind_of(type(scenario.recognizer.refinement)),
         "renderer": scenario.renderer,
         "duration": scenario.duration,
         "frames": len(result.time),

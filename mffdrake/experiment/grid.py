@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+import dataclasses as dc
 import difflib
 import itertools
 import json
@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
-
-from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError, WithSeed
-from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml
+from mffdrake.experiment.scenario import Change, Scenario, ScenarioError
+from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml
+from mffdrake.recognition.parameters import plain
 
 __all__ = ["Grid", "GridRun", "LoadGrid", "MakeGrid"]
 
@@ -29,12 +27,12 @@ class GridRun:
     Attributes:
         values: The grid's keys and this run's values.
         seed: Its seed.
-        scenario: The complete scenario, as YAML.
+        scenario: The scenario.
     """
 
     values: dict[str, Any]
     seed: int
-    scenario: str
+    scenario: Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,12 +53,12 @@ class Grid:
 
     def Dump(self) -> str:
         """The grid as YAML, complete, which `LoadGrid` reads back as the same runs."""
-        scenario = yaml_load_data(self.scenario.Dump(), private=True)
+        scenario = plain(self.scenario)
         del scenario["seed"]
         for key in self.values:  # It is either fixed or varied.
             _Remove(scenario, key.split("."))
         data = {"scenario": scenario, "grid": self.values, "seeds": list(self.seeds)}
-        return str(yaml_dump(data))
+        return DumpYaml(data)
 
 
 def LoadGrid(file: Path | str, *, scenario: Scenario | None = None) -> Grid:
@@ -97,25 +95,9 @@ def LoadGrid(file: Path | str, *, scenario: Scenario | None = None) -> Grid:
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{file}: not a text file in UTF-8") from error
     try:
-        data = ReadYaml(text)
-        _RequireKeysOnce(text)
-        return MakeGrid(data, scenario=scenario)
+        return MakeGrid(ReadYaml(text), scenario=scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{file}: {error}") from error
-
-
-def _RequireKeysOnce(text: str) -> None:
-    """Reading YAML drops all but the last of equal keys without a word."""
-    document = yaml.compose(text, Loader=yaml.SafeLoader)
-    waiting = [document] if document else []
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, yaml.MappingNode):
-            names = [key.value for key, _ in node.value]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ScenarioError(f"the key '{name}' stands there twice")
-            waiting += [value for _, value in node.value]
 
 
 def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Grid:
@@ -147,19 +129,18 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     seeds = _ReadSeeds(data.get("seeds", 1), base.seed)
     if data.get("grid") == {}:
         raise ScenarioError("grid has no keys; write such as {method: [ga, mff]}, or leave it out")
-    typed = _ReadValues(data.get("grid", {}), base)
-    plain = {key: [value for value, _ in column] for key, column in typed.items()}
-    runs = tuple(_MakeRuns(base, typed, seeds))
-    return Grid(scenario=base, values=plain, seeds=seeds, runs=runs)
+    values = _ReadValues(data.get("grid", {}), base)
+    runs = tuple(_MakeRuns(base, values, seeds))
+    return Grid(scenario=base, values=values, seeds=seeds, runs=runs)
 
 
 def _OnTop(base: Scenario, data: Any) -> Scenario:
     if not isinstance(data, dict):
         raise ScenarioError(f"scenario must be a mapping such as {{duration: 20}}, not {data!r}")
     try:
-        return LoadScenario(text=yaml_dump(data), defaults=base)
+        return Change(base, data)
     except ScenarioError as error:
-        raise ScenarioError(str(error).replace("scenario text: ", "scenario: ", 1)) from error
+        raise ScenarioError(f"scenario: {error}") from error
 
 
 def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
@@ -179,14 +160,11 @@ def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-_Column = list[tuple[Any, Any]]  # Values: as plain data, and as the scenario's own types.
-
-
-def _ReadValues(data: Any, base: Scenario) -> dict[str, _Column]:
+def _ReadValues(data: Any, base: Scenario) -> dict[str, list[Any]]:
     """The varied keys' values, each checked on its own."""
     if not isinstance(data, dict):
         raise ScenarioError(f"grid must be a mapping such as {{method: [ga, mff]}}, not {data!r}")
-    columns: dict[str, _Column] = {}
+    columns: dict[str, list[Any]] = {}
     for key, values in data.items():
         if not isinstance(key, str):
             raise ScenarioError(f"grid: a key must be a scenario's key, not {key!r}")
@@ -197,11 +175,11 @@ def _ReadValues(data: Any, base: Scenario) -> dict[str, _Column]:
                 raise ScenarioError(f"grid: '{key}' and '{other}' overlap; vary one of them")
         if not isinstance(values, list) or not values:
             # So that a wrong key shows as such, whatever its value.
-            _CheckKey(key)
+            _CheckKey(key, base)
             what = "an empty list" if values == [] else repr(values)
             raise ScenarioError(f"grid: {key} must be a list of values, not {what}")
         columns[key] = [_ReadValue(key, value, base) for value in values]
-        _RequireDistinct([value for value, _ in columns[key]], f"grid: {key}")
+        _RequireDistinct(columns[key], f"grid: {key}")
     return columns
 
 
@@ -213,69 +191,48 @@ def _RequireDistinct(values: list[Any], what: str) -> None:
         seen.add(value)
 
 
-def _CheckKey(key: str) -> None:
+def _CheckKey(key: str, base: Scenario) -> None:
     try:
-        CheckKeysAndTypes(_Nest(key, None), Scenario)
+        Change(base, {key: None})
     except ScenarioError as error:
         if str(error).startswith("unknown key"):
             raise ScenarioError(f"grid: {key}: {error}") from error
 
 
-def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, Any]:
-    nested = _Nest(key, value)
+def _ReadValue(key: str, value: Any, base: Scenario) -> Any:
+    """The value as the scenario writes it."""
     try:
-        CheckKeysAndTypes(nested, Scenario)
-        scenario = yaml_load_typed(schema=Scenario, data=yaml_dump(nested), defaults=base)
+        found = plain(Change(base, {key: value}))
     except ScenarioError as error:
         message = str(error)
         where = "" if message.startswith(f"{key} ") else f"{key}: "
         raise ScenarioError(f"grid: {where}{message}") from error
-    plain, typed = yaml_load_data(scenario.Dump(), private=True), scenario
     for name in key.split("."):
-        plain, typed = plain[name], getattr(typed, name)
-    return plain, typed
-
-
-def _Nest(key: str, value: Any) -> dict[str, Any]:
-    """{"a.b": value} as {"a": {"b": value}}."""
-    for name in reversed(key.split(".")):
-        value = {name: value}
-    return dict(value)
+        if isinstance(found, str):  # A choice whose parameters are all at their defaults.
+            return value
+        found = found[name]
+    return found
 
 
 def _Remove(data: dict[str, Any], names: list[str]) -> None:
     """Removes an entry of nested mappings, and those that it leaves empty."""
     first, *rest = names
-    if rest:
+    if rest and isinstance(data[first], dict):
         _Remove(data[first], rest)
     if not rest or not data[first]:
         del data[first]
 
 
 def _MakeRuns(
-    base: Scenario, columns: dict[str, _Column], seeds: tuple[int, ...]
+    base: Scenario, columns: dict[str, list[Any]], seeds: tuple[int, ...]
 ) -> Iterator[GridRun]:
-    """All runs, in order.
-
-    A scenario is made, checked and written once a combination, and its seed put in afterwards:
-    reading and writing YAML takes some milliseconds each time.
-    """
-    base_data = yaml_load_data(base.Dump(), private=True)
+    """All runs, in order."""
     for combination in itertools.product(*columns.values()):
-        scenario, data = copy.deepcopy(base), copy.deepcopy(base_data)
-        values = {}
-        for key, (plain, typed) in zip(columns, combination, strict=True):
-            *sections, name = key.split(".")
-            target, data_target = scenario, data
-            for section in sections:
-                target, data_target = getattr(target, section), data_target[section]
-            setattr(target, name, copy.deepcopy(typed))
-            data_target[name] = values[key] = plain
+        values = dict(zip(columns, combination, strict=True))
         try:
-            scenario.CheckRanges()
+            scenario = Change(base, values)
         except ScenarioError as error:
-            shown = ", ".join(f"{key} {json.dumps(plain)}" for key, plain in values.items())
+            shown = ", ".join(f"{key} {json.dumps(value)}" for key, value in values.items())
             raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
-        text = str(yaml_dump(data))
         for seed in seeds:
-            yield GridRun(values=values, seed=seed, scenario=WithSeed(text, seed))
+            yield GridRun(values=values, seed=seed, scenario=dc.replace(scenario, seed=seed))

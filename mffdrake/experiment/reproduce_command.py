@@ -15,11 +15,12 @@ from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.experiment.executors import Executor
 from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
+from mffdrake.experiment.options import GivenOptions
 from mffdrake.experiment.pictures import SaveDiagram
 from mffdrake.experiment.report import WriteReport
 from mffdrake.experiment.report_tables import SummaryLines
 from mffdrake.experiment.reproduction import RunPlan, Summarize
-from mffdrake.experiment.scenario import LoadScenario, ScenarioError
+from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.experiment.store import Record
 from mffdrake.experiment.studies import MakeStudies
 from mffdrake.experiment.study import PlannedRun, PlanRuns
@@ -43,19 +44,16 @@ def RunReproduce(options: argparse.Namespace) -> int:
             OSError: On bad input.
     """
     base = LoadScenario(options.scenario_file, options.scenario_text)
-    for name in ("duration", "seed"):
-        if getattr(options, name) is not None:
-            setattr(base, name, getattr(options, name))
-    base.Validate()
+    base = Change(base, GivenOptions(options, "duration", "seed"))
     studies = MakeStudies(options.seeds, vtk_seeds=options.vtk_seeds, short=options.short)
     plan = PlanRuns(studies, base)
-    distinct = {run.scenario: run for run in plan}
+    distinct = {run.scenario.fingerprint: run for run in plan}
     _Check(plan)
     if not options.scheduler and any(run.work > 1.0 for run in plan):
         RequireGraphics()  # Rather once than at every run.
     folder = MakeOutputFolder(options.out)
     if options.graphviz:
-        SaveDiagram(MakeHandEyeDiagram(LoadScenario(text=plan[0].scenario)), options.graphviz)
+        SaveDiagram(MakeHandEyeDiagram(plan[0].scenario), options.graphviz)
     executor: Executor
     if options.scheduler:
         executor = DaskCluster(options.scheduler)
@@ -86,7 +84,7 @@ def _Check(plan: Sequence[PlannedRun]) -> None:
     }
     for omega, scenario in first.items():
         try:
-            CheckScenario(LoadScenario(text=scenario))
+            CheckScenario(scenario)
         except UnreachablePathError as error:
             raise ScenarioError(f"omega {omega:g} rad/s: {error}") from error
 

@@ -89,18 +89,18 @@ def RunPlan(
         (True, ('ga', 0.105))
     """
     folder = MakeOutputFolder(folder)
-    distinct = {run.scenario: run for run in plan}
+    distinct = {run.scenario.fingerprint: run for run in plan}
     recorded = {
-        run.scenario: run for run in plan
+        run.scenario.fingerprint: run for run in plan
         if run.study.name == RECORDED and run.seed == plan[0].seed
     }  # fmt: skip
     records = _Run(list(distinct.values()), recorded, folder, executor, on_run)
     results = {
         (str(run.variant.curve), run.variant.value): SimulationResult.Load(path)
-        for scenario, run in recorded.items()
-        if (path := _RecordPath(folder, RunKey(scenario, CodeFingerprint()))).exists()
+        for run in recorded.values()
+        if (path := _RecordPath(folder, RunKey(run.scenario, CodeFingerprint()))).exists()
     }
-    rows = tuple(_MakeRow(run, records[run.scenario]) for run in plan)
+    rows = tuple(_MakeRow(run, records[run.scenario.fingerprint]) for run in plan)
     studies = tuple({run.study.name: run.study for run in plan}.values())
     return Reproduction(studies=studies, rows=rows, records=results)
 
@@ -116,19 +116,19 @@ def _Run(
     code = CodeFingerprint()
     tell = on_run or (lambda run, record, kept: None)
     store = RunStore(folder / STORE_NAME)
-    keys = {run.scenario: RunKey(run.scenario, code) for run in runs}
+    keys = {run.scenario.fingerprint: RunKey(run.scenario, code) for run in runs}
     kept = store.Get(list(keys.values()))
     records: dict[str, Record] = {}
     missing = []
     for run in runs:
-        record = kept.get(keys[run.scenario])
-        lacks_frames = (
-            run.scenario in recorded and not _RecordPath(folder, keys[run.scenario]).exists()
-        )
+        key = keys[run.scenario.fingerprint]
+        record = kept.get(key)
+        needs_frames = run.scenario.fingerprint in recorded
+        lacks_frames = needs_frames and not _RecordPath(folder, key).exists()
         if record is None or (not _IsFinal(record)) or (record.row is not None and lacks_frames):
             missing.append(run)
         else:
-            records[run.scenario] = record
+            records[run.scenario.fingerprint] = record
             tell(run, record, True)
     missing.sort(key=lambda run: -run.work)
     if not missing:
@@ -136,16 +136,16 @@ def _Run(
     with executor or LocalProcesses() as place:
         for outcome in place.Run(RunScenario, [(run.scenario, code) for run in missing]):
             run = missing[outcome.index]
-            key, result = keys[run.scenario], outcome.value
+            key, result = keys[run.scenario.fingerprint], outcome.value
             row = None if result is None else Evaluate(result)
             record = Record(row=row, error=outcome.error, attempts=outcome.attempts)
             # The frames before the row, which says that nothing is missing.
-            if run.scenario in recorded and result is not None:
+            if run.scenario.fingerprint in recorded and result is not None:
                 path = _RecordPath(folder, key)
                 path.parent.mkdir(exist_ok=True)
                 result.Save(path)
             store.Put(key, run.scenario, code, record)
-            records[run.scenario] = record
+            records[run.scenario.fingerprint] = record
             tell(run, record, False)
     return records
 

@@ -132,7 +132,7 @@ def Simulate(
     if diagram is None:
         with _OwnDiagram(scenario) as diagram:
             return Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure)
-    timing = scenario.timing.Make()
+    timing = scenario.timing
     simulator = Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())
     recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())

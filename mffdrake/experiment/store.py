@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mffdrake.experiment.scenario import Scenario
+
 __all__ = ["Record", "RunKey", "RunStore", "StoreError"]
 
 _APPLICATION_ID = 0x6D666673  # Says in the file's header that it is ours.
@@ -61,21 +63,21 @@ class Record:
         return "failed" if self.row is None else "done"
 
 
-def RunKey(scenario: str, code: str) -> str:
+def RunKey(scenario: Scenario, code: str) -> str:
     """What a run is found by again.
 
     Args:
-        scenario: The complete scenario, as YAML.
+        scenario: The scenario.
         code: See `CodeFingerprint`.
 
     Returns:
         A hash of both.
 
     Example:
-        >>> RunKey("seed: 1", "a") == RunKey("seed: 1", "b")
+        >>> RunKey(Scenario(), "a") == RunKey(Scenario(), "b")
         False
     """
-    return hashlib.sha256(f"{code}\n{scenario}".encode()).hexdigest()
+    return hashlib.sha256(f"{code}\n{scenario.fingerprint}".encode()).hexdigest()
 
 
 class RunStore:
@@ -93,7 +95,7 @@ class RunStore:
     Example:
         >>> import tempfile
         >>> store = RunStore(Path(tempfile.mkdtemp()) / "runs.sqlite")
-        >>> store.Put("k", "seed: 1", "code", Record(row={"frames": 4}))
+        >>> store.Put("k", Scenario(seed=1), "code", Record(row={"frames": 4}))
         >>> store.Get(["k", "another"])["k"].row
         {'frames': 4}
     """
@@ -137,12 +139,12 @@ class RunStore:
                     records[key] = Record(row=row, error=found[1], attempts=found[2])
         return records
 
-    def Put(self, key: str, scenario: str, code: str, record: Record) -> None:
+    def Put(self, key: str, scenario: Scenario, code: str, record: Record) -> None:
         """Keeps a run, in place of a failed one.
 
         Args:
             key: See `RunKey`.
-            scenario: The complete scenario, as YAML.
+            scenario: The scenario.
             code: See `CodeFingerprint`.
             record: What became of it.
 
@@ -151,7 +153,7 @@ class RunStore:
         """
         row = None if record.row is None else json.dumps(record.row)
         with self._Transaction() as connection:
-            values = (key, scenario, code, record.status, row, record.error, record.attempts)
+            values = (key, scenario.Dump(), code, record.status, row, record.error, record.attempts)
             connection.execute(_PUT, values)
 
     @contextmanager

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mffdrake.experiment.scenario import LoadScenario, Scenario, WithSeed
+from mffdrake.experiment.scenario import LoadScenario, Scenario
 
 __all__ = ["PlanRuns", "PlannedRun", "Study", "Variant"]
 
@@ -58,18 +59,18 @@ class PlannedRun:
         study: The study.
         variant: Which of its variants.
         seed: The seed.
-        scenario: The complete scenario, as YAML.
+        scenario: The scenario.
     """
 
     study: Study
     variant: Variant
     seed: int
-    scenario: str
+    scenario: Scenario
 
     @property
     def work(self) -> float:
         """About how much longer it takes than a run with the flat renderer."""
-        return _VTK_WORK if "\nrenderer: vtk\n" in self.scenario else 1.0
+        return _VTK_WORK if self.scenario.renderer == "vtk" else 1.0
 
 
 def PlanRuns(studies: Sequence[Study], base: Scenario) -> tuple[PlannedRun, ...]:
@@ -91,18 +92,17 @@ def PlanRuns(studies: Sequence[Study], base: Scenario) -> tuple[PlannedRun, ...]
         >>> gray = Variant(label="gray", curve="a", value=0, changes=(text,))
         >>> study = Study(name="a", title="A", question="?", axis="b", variants=(gray,), seeds=2)
         >>> run = PlanRuns([study], Scenario(seed=7))[-1]
-        >>> run.seed, "renderer: flat" in run.scenario, "coding: gray" in run.scenario
-        (8, True, True)
+        >>> run.scenario.seed, run.scenario.renderer, run.scenario.recognizer.coding
+        (8, 'flat', 'gray')
     """
     runs = []
-    flat = LoadScenario(text="renderer: flat", defaults=base)
+    flat = dc.replace(base, renderer="flat")
     for study in studies:
         for variant in study.variants:
             scenario = flat
             for text in variant.changes:
                 scenario = LoadScenario(text=text, defaults=scenario)
-            dumped = scenario.Dump()
             for seed in range(base.seed, base.seed + study.seeds):
-                text = WithSeed(dumped, seed)
-                runs.append(PlannedRun(study=study, variant=variant, seed=seed, scenario=text))
+                seeded = dc.replace(scenario, seed=seed)
+                runs.append(PlannedRun(study=study, variant=variant, seed=seed, scenario=seeded))
     return tuple(runs)

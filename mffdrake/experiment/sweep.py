@@ -12,7 +12,7 @@ from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.grid import Grid
 from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.store import Record, RunKey, RunStore
 from mffdrake.experiment.sweep_table import MakeTable, WriteTable
@@ -104,11 +104,11 @@ def Sweep(
     return table
 
 
-def RunScenario(scenario: str, code: str) -> SimulationResult:
+def RunScenario(scenario: Scenario, code: str) -> SimulationResult:
     """Runs a scenario in a worker.
 
     Args:
-        scenario: The scenario as YAML, which travels between processes as text.
+        scenario: The scenario.
         code: The asking process's `CodeFingerprint`.
 
     Returns:
@@ -124,8 +124,8 @@ def RunScenario(scenario: str, code: str) -> SimulationResult:
             f"the worker has other code ({own}) than this process ({code}); install the same "
             "versions, and start both again"
         )
-    return Simulate(LoadScenario(text=scenario))
+    return Simulate(scenario)
 
 
-def _RunAndEvaluate(scenario: str, code: str) -> dict[str, Any]:
+def _RunAndEvaluate(scenario: Scenario, code: str) -> dict[str, Any]:
     return Evaluate(RunScenario(scenario, code))

@@ -16,11 +16,12 @@ from mffdrake.experiment.executors import Executor
 from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.grid import Grid, LoadGrid
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
-from mffdrake.experiment.scenario import LoadScenario, ScenarioError
-from mffdrake.experiment.scenario_check import ReadYaml
+from mffdrake.experiment.options import GivenOptions
+from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.experiment.store import Record
 from mffdrake.experiment.sweep import Sweep
 from mffdrake.experiment.sweep_table import MedianTable
+from mffdrake.experiment.yaml_text import ReadYaml
 from mffdrake.systems.graphics import RequireGraphics
 
 __all__ = ["RunSweep"]
@@ -41,7 +42,7 @@ def RunSweep(options: argparse.Namespace) -> int:
         ScenarioError, StoreError, ClusterError, GraphicsUnavailableError, OSError: On bad input.
     """
     grid = _LoadGrid(options)
-    if not options.scheduler and any("\nrenderer: vtk\n" in run.scenario for run in grid.runs):
+    if not options.scheduler and any(run.scenario.renderer == "vtk" for run in grid.runs):
         RequireGraphics()  # Rather once than at every run.
     folder = MakeOutputFolder(options.out)
     executor: Executor
@@ -69,12 +70,8 @@ def RunSweep(options: argparse.Namespace) -> int:
 def _LoadGrid(options: argparse.Namespace) -> Grid:
     """The scenario's file and text, the single options on top, and the grid file on top of that."""
     scenario = LoadScenario(options.scenario_file, options.scenario_text)
-    given = [
-        name for name in ("duration", "seed", "renderer") if getattr(options, name) is not None
-    ]
-    for name in given:
-        setattr(scenario, name, getattr(options, name))
-    scenario.Validate()
+    given = GivenOptions(options, "duration", "seed", "renderer")
+    scenario = Change(scenario, given)
     grid = LoadGrid(options.grid, scenario=scenario)
     data = ReadYaml(Path(options.grid).read_text(encoding="utf-8"))
     for name in given:

@@ -171,7 +171,7 @@ def WarnOutside(scenario: Scenario, solid: SolidModel, rig: CameraRig) -> None:
         solid: The target's solid.
         rig: The cameras.
     """
-    search_range = scenario.recognizer.MakeCoding().search_range
+    search_range = scenario.recognizer.search_range
     times = np.linspace(0.0, scenario.duration, 201)
     poses = np.array([CalcDesiredPose(scenario, t) for t in times])
     for k, name in enumerate(POSE_COORDINATES):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses as dc
 import json
 import logging
 import sys
@@ -18,7 +19,6 @@ from tqdm import tqdm
 from mffdrake.experiment.evaluation import Versions, WriteCsv
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.outline import DrawViews
-from mffdrake.experiment.parts import MakeTracker
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.plotting import PlotTrack, SaveFigure
 from mffdrake.experiment.recordings.arguments import (
@@ -42,8 +42,7 @@ from mffdrake.experiment.recordings.trajectory import (
     Trajectory,
 )
 from mffdrake.experiment.scenario import LoadRecognizer
-from mffdrake.experiment.scenario_sections import RecognizerConfig
-from mffdrake.recognition import OneStepGaTracker, PoseTracker
+from mffdrake.recognition import OneStepGaTracker, PoseTracker, TrackerParameters
 
 __all__ = ["RunTrack"]
 
@@ -109,17 +108,17 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
     colors = None if options.colors is None else LoadColors(options.colors)
     config = _ReadRecognizer(options.recognizer or "{}")
     start_pose = np.zeros(6)
-    if options.start is not None:
-        config.start = "random"
-        if options.start != "random":
-            config.start, start_pose = "near_target", LoadPose(options.start)
+    if options.start == "random":
+        config = dc.replace(config, start="random")
+    elif options.start is not None:
+        config, start_pose = dc.replace(config, start="near_target"), LoadPose(options.start)
     elif config.start == "near_target":
         raise ArgumentsError("recognizer.start near_target: --start must name a file with a pose")
     if options.generations is not None and options.start not in (None, "random"):
         raise ArgumentsError("--generations searches from nothing: leave --start out")
     try:
-        algorithm = MakeTracker(
-            config, solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
+        algorithm = config.make_tracker(
+            solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
         )
     except ValueError as error:
         raise ArgumentsError(f"{options.colors or options.target}: {error}") from error
@@ -134,7 +133,7 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
     return algorithm
 
 
-def _ReadRecognizer(given: str) -> RecognizerConfig:
+def _ReadRecognizer(given: str) -> TrackerParameters:
     """The section of a scenario, from a file or from YAML."""
     if _IsFile(given):
         try:

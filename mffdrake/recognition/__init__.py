@@ -14,6 +14,7 @@ from mffdrake.recognition.genetic import (
 )
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import Matcher, MatchingParameters
+from mffdrake.recognition.parameters import ParameterError
 from mffdrake.recognition.pose_tracker import Estimate, PoseTracker
 from mffdrake.recognition.refinement import (
     BorderRefiner,
@@ -39,6 +40,7 @@ from mffdrake.recognition.tracker import (
     RandomStart,
     Start,
 )
+from mffdrake.recognition.tracker_parameters import TrackerParameters
 from mffdrake.recognition.white_balance import (
     AdaptiveWhiteBalance,
     FixedWhiteBalance,
@@ -72,6 +74,7 @@ __all__ = [
     "NearStart",
     "NoRefinement",
     "OneStepGaTracker",
+    "ParameterError",
     "PoseSearch",
     "PoseTracker",
     "RandomStart",
@@ -84,5 +87,6 @@ __all__ = [
     "SearchRange",
     "SolidModel",
     "Start",
+    "TrackerParameters",
     "WhiteBalance",
 ]

@@ -43,7 +43,7 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "too_long": lambda c: f"must be a list of {c['max_length']} values",
     "missing": lambda c: "must be given",
     "none_required": lambda c: "must be null",
-    "dataclass_type": lambda c: "must be a mapping",
+    "no_mapping": lambda c: str(c["text"]),
 }
 
 

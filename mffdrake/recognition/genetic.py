@@ -7,14 +7,16 @@ which the caller scores on the next picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.local_moves import LocalMoves
+from mffdrake.recognition.parameters import Count, Interval, Share, parameters
 
 if TYPE_CHECKING:
     from mffdrake.recognition._breeding import Coding, Shares
@@ -25,7 +27,7 @@ Bits = NDArray[np.uint8]
 POSE_COORDINATES = ("x", "y", "z", "eps1", "eps2", "eps3")
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class SearchRange:
     """The box of poses which the genes span, as (least, greatest) of every coordinate.
 
@@ -46,21 +48,21 @@ class SearchRange:
         array([-0.2 ,  0.  ,  0.65, -0.5 , -0.5 , -0.5 ])
     """
 
-    x: tuple[float, float] = (-0.150, 0.150)
-    y: tuple[float, float] = (0.0, 0.300)
-    z: tuple[float, float] = (0.650, 0.950)
-    eps1: tuple[float, float] = (-0.5, 0.5)
-    eps2: tuple[float, float] = (-0.5, 0.5)
-    eps3: tuple[float, float] = (-0.5, 0.5)
+    x: Interval = (-0.150, 0.150)
+    y: Interval = (0.0, 0.300)
+    z: Interval = (0.650, 0.950)
+    eps1: Interval = (-0.5, 0.5)
+    eps2: Interval = (-0.5, 0.5)
+    eps3: Interval = (-0.5, 0.5)
 
     def __post_init__(self) -> None:
         """Checks the bounds."""
         for name in POSE_COORDINATES:
             bounds = getattr(self, name)
-            if len(bounds) != 2 or not bounds[0] < bounds[1]:
-                raise ValueError(f"search_range: {name} must be [least, greatest], not {bounds}")
+            if not bounds[0] < bounds[1]:
+                raise ValueError(f"{name} must be [least, greatest], not {list(bounds)}")
             if name.startswith("eps") and (min(bounds) < -1 or max(bounds) > 1):
-                raise ValueError(f"search_range: {name} must lie within [-1, 1], not {bounds}")
+                raise ValueError(f"{name} must lie within [-1, 1], not {list(bounds)}")
 
     @property
     def lower(self) -> Array:
@@ -73,7 +75,7 @@ class SearchRange:
         return np.array([getattr(self, name)[1] for name in POSE_COORDINATES], dtype=float)
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class GeneCoding:
     """Pose vectors as strings of bits, six genes of equal length.
 
@@ -92,15 +94,8 @@ class GeneCoding:
     """
 
     search_range: SearchRange = field(default_factory=SearchRange)
-    bits: int = 12
+    bits: Annotated[int, Ge(1), Le(31)] = 12
     coding: Literal["binary", "gray"] = "binary"
-
-    def __post_init__(self) -> None:
-        """Checks the parameters."""
-        if not 1 <= self.bits <= 31:
-            raise ValueError(f"bits must be between 1 and 31, not {self.bits}")
-        if self.coding not in ("binary", "gray"):
-            raise ValueError(f"coding must be 'binary' or 'gray', not {self.coding!r}")
 
     def encode(self, poses: ArrayLike) -> Bits:
         """Bits of pose vectors.
@@ -142,7 +137,7 @@ class GeneCoding:
         return Coding(span.lower, span.upper, self.bits, 2**self.bits - 1, self.coding == "gray")
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class GeneticParameters:
     """How a generation is bred.
 
@@ -167,24 +162,16 @@ class GeneticParameters:
         ValueError: When a parameter is outside its range.
     """
 
-    population_size: int = 60
-    survivor_share: float = 0.25
-    mutation_probability: float = 0.02
-    local_share: float = 0.6
-    newcomer_share: float = 0.15
-    first_candidates: int = 30
+    population_size: Annotated[int, Ge(3)] = 60
+    survivor_share: Share = 0.25
+    mutation_probability: Share = 0.02
+    local_share: Share = 0.6
+    newcomer_share: Share = 0.15
+    first_candidates: Count = 30
     average_best: bool = True
 
     def __post_init__(self) -> None:
-        """Checks the ranges."""
-        if self.population_size < 3:
-            raise ValueError(f"population_size must be at least 3, not {self.population_size}")
-        if self.first_candidates < 1:
-            raise ValueError(f"first_candidates must be at least 1, not {self.first_candidates}")
-        for name in ("survivor_share", "mutation_probability", "local_share", "newcomer_share"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ValueError(f"{name} must be between 0 and 1, not {value}")
+        """Checks the shares together."""
         if self.local_share + self.newcomer_share > 1.0:
             raise ValueError("local_share and newcomer_share together must not exceed 1")
 

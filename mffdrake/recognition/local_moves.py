@@ -11,12 +11,14 @@ cameras, and shift it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import Ge, Lt
 from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.parameters import NonNegative, parameters
 
 if TYPE_CHECKING:
     from mffdrake.recognition._breeding import Moves
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class LocalMoveParameters:
     """How far the moves go.
 
@@ -40,22 +42,11 @@ class LocalMoveParameters:
         ValueError: When a parameter is outside its range.
     """
 
-    depth: float = 0.200
-    shift: float = 0.040
-    rotation_deg: float = 34.0
-    decades: float = 2.0
-    sparsity: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        for name in ("depth", "shift", "rotation_deg", "decades"):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"local_moves: {name} must be at least 0, not {value}")
-        if not 0.0 <= self.sparsity < 1.0:
-            raise ValueError(
-                f"local_moves: sparsity must be from 0 to below 1, not {self.sparsity}"
-            )
+    depth: NonNegative = 0.200
+    shift: NonNegative = 0.040
+    rotation_deg: NonNegative = 34.0
+    decades: NonNegative = 2.0
+    sparsity: Annotated[float, Ge(0), Lt(1)] = 0.5
 
 
 class LocalMoves:

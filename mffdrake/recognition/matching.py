@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.cameras import CameraRig, Image
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
+from mffdrake.recognition.parameters import NonNegative, Share, parameters
 from mffdrake.recognition.solid_model import SearchModel
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ Gains: TypeAlias = tuple[float, float, float]
 NO_GAINS: Gains = (1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class MatchingParameters:
     """When a pixel counts as having a face's color, and a face as visible.
 
@@ -51,26 +52,12 @@ class MatchingParameters:
         ValueError: When a parameter is outside its range.
     """
 
-    hue_tolerance_deg: float = 20.0
-    min_saturation: float = 0.62
-    min_value: float = 0.2
-    min_chroma: float = 0.0
-    min_cosine: float = 0.0
-    min_border_distance: float = 0.8
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        for name, low, high in (
-            ("hue_tolerance_deg", 0.0, 180.0),
-            ("min_saturation", 0.0, 1.0),
-            ("min_value", 0.0, 1.0),
-            ("min_chroma", 0.0, 1.0),
-            ("min_cosine", 0.0, 1.0),
-            ("min_border_distance", 0.0, math.inf),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ValueError(f"{name} must be between {low:g} and {high:g}, not {value}")
+    hue_tolerance_deg: Annotated[float, Ge(0), Le(180)] = 20.0
+    min_saturation: Share = 0.62
+    min_value: Share = 0.2
+    min_chroma: Share = 0.0
+    min_cosine: Share = 0.0
+    min_border_distance: NonNegative = 0.8
 
 
 class Matcher:

@@ -44,6 +44,7 @@ __all__ = [
     "choices",
     "describe",
     "kind_of",
+    "merge",
     "parameters",
     "plain",
     "read_parameters",
@@ -98,8 +99,11 @@ def parameters(cls: type[_T]) -> type[_T]:
     """
 
     def _check_keys(owner: type, data: Any) -> Any:
+        known = [field.name for field in dc.fields(owner)]
+        if data is None or isinstance(data, str | int | float | tuple | list):
+            rule = f"must be a mapping with the keys {', '.join(known)}" if known else "has no keys"
+            raise PydanticCustomError("no_mapping", "{text}", {"text": rule})
         if isinstance(data, Mapping):
-            known = [field.name for field in dc.fields(owner)]
             for key in data:
                 if key not in known:
                     raise PydanticCustomError(
@@ -141,7 +145,7 @@ def _adapter(cls: Hashable) -> _Adapter:
     return pydantic.TypeAdapter(cls)  # type: ignore[arg-type]
 
 
-def read_parameters(cls: type[_T], data: Mapping[str, Any], where: str = "") -> _T:
+def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
     """Parameters from plain data, as YAML or JSON has them.
 
     Args:
@@ -210,11 +214,12 @@ class OneOf:
         kinds = typing.get_args(source) or (source,)
         by_tag = {tag_of(kind): kind for kind in kinds}
         by_name = {kind_of(kind): kind for kind in kinds if not _required(kind)}
-        allowed = ", ".join([*by_name, *(f"{tag} {{...}}" for tag in by_tag)])
+        allowed = ", ".join([*by_name, *(_form(kind) for kind in kinds if dc.fields(kind))])
+        empty = next((tag for tag, kind in by_tag.items() if not dc.fields(kind)), None)
 
         def choose(value: Any) -> str | None:
             if isinstance(value, Mapping):
-                tag = value.get(self.TAG)
+                tag = value.get(self.TAG, None if value else empty)
                 return tag if tag in by_tag else None
             if isinstance(value, str):
                 return "name" if value in by_name else None
@@ -250,12 +255,19 @@ class OneOf:
         return {**listed, "anyOf": listed.pop("oneOf", [])} if "oneOf" in listed else listed
 
 
-def _required(cls: type) -> bool:
-    """Whether a class has parameters without a default."""
-    return any(
-        field.default is dc.MISSING and field.default_factory is dc.MISSING
+def _required(cls: Any) -> list[str]:
+    """Names of a class's parameters without a default."""
+    return [
+        field.name
         for field in dc.fields(cls)
-    )
+        if field.default is dc.MISSING and field.default_factory is dc.MISSING
+    ]
+
+
+def _form(kind: type) -> str:
+    """How a tagged mapping looks."""
+    required = _required(kind)
+    return f"{tag_of(kind)} {{{', '.join(f'{key}: ...' for key in required) or '...'}}}"
 
 
 def choices(annotation: Any) -> tuple[type, ...]:
@@ -277,6 +289,20 @@ def choices(annotation: Any) -> tuple[type, ...]:
     return ()
 
 
+@functools.cache
+def _fields(cls: Any) -> tuple[tuple[str, bool], ...]:
+    """Names of a class's parameters, and whether each is of one of several tagged classes."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return tuple((f.name, _is_tagged(hints[f.name])) for f in dc.fields(cls) if f.init)
+
+
+def _is_tagged(annotation: Any) -> bool:
+    return any(
+        isinstance(item, OneOf) or _is_tagged(item)
+        for item in (*typing.get_args(annotation), *getattr(annotation, "__metadata__", ()))
+    )
+
+
 def plain(value: Any, *, tagged: bool = False) -> Any:
     """Parameters as YAML has them: mappings, lists, numbers, texts.
 
@@ -289,25 +315,50 @@ def plain(value: Any, *, tagged: bool = False) -> Any:
     """
     if isinstance(value, tuple | list):
         return [plain(item, tagged=tagged) for item in value]
-    if not dc.is_dataclass(value) or isinstance(value, type):
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if not dc.is_dataclass(value):
         return value
-    cls = type(value)
+    cls: Any = type(value)
     if tagged and not _required(cls) and value == cls():
         return kind_of(cls)
-    hints = typing.get_type_hints(cls, include_extras=True)
-    data = {
-        field.name: plain(getattr(value, field.name), tagged=_is_tagged(hints[field.name]))
-        for field in dc.fields(value)
-        if field.init
-    }
+    data = {name: plain(getattr(value, name), tagged=choice) for name, choice in _fields(cls)}
     return {OneOf.TAG: tag_of(cls), **data} if tagged else data
 
 
-def _is_tagged(annotation: Any) -> bool:
-    return any(
-        isinstance(item, OneOf) or _is_tagged(item)
-        for item in (*typing.get_args(annotation), *getattr(annotation, "__metadata__", ()))
-    )
+def merge(value: Any, data: Any, *, tagged: bool = False) -> Any:
+    """Plain data on top of parameters, for `read_parameters`.
+
+    Mappings go key by key, all else is replaced. A mapping with a tag replaces what it is put on;
+    one without is for the class that is there.
+
+    Args:
+        value: Parameters, or a parameter's value.
+        data: Plain data for some of its keys.
+        tagged: Whether it is one of several classes.
+
+    Returns:
+        Plain data with all keys.
+
+    Example:
+        >>> @parameters
+        ... class Noise:
+        ...     deviation: NonNegative = 1.0
+        ...     share: Share = 0.5
+        >>> merge(Noise(share=0.1), {"deviation": 2})
+        {'deviation': 2, 'share': 0.1}
+    """
+    if not (dc.is_dataclass(value) and isinstance(data, Mapping)) or OneOf.TAG in data:
+        return data
+    if tagged and not data:  # That is one of the choices: the one without parameters.
+        return data
+    cls: Any = type(value)
+    merged = {OneOf.TAG: tag_of(cls)} if tagged else {}
+    for name, choice in _fields(cls):
+        old = getattr(value, name)
+        new = merge(old, data[name], tagged=choice) if name in data else plain(old, tagged=choice)
+        merged[name] = new
+    return {**merged, **{key: item for key, item in data.items() if key not in merged}}
 
 
 def describe(cls: type) -> dict[str, str]:

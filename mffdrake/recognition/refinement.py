@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
+from mffdrake.recognition.parameters import Count, NonNegative, Share, parameters
 from mffdrake.recognition.pose import quaternion_rate_matrix, rotation_angle
 
 Array = NDArray[np.float64]
@@ -22,7 +24,7 @@ Array = NDArray[np.float64]
 _OUTCOMES = ("", "too few borders", "the borders leave a motion free", "not settled")
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class RefinementParameters:
     """Which borders count, how they are weighted, and when a refined pose is accepted.
 
@@ -65,54 +67,38 @@ class RefinementParameters:
         3
     """
 
-    window: int = 8
-    fine_window: int = 3
-    coarse_spacing: int = 4
-    blend: int = 2
-    end_margin: float = 4.0
-    min_cosine: float = 0.05
-    min_contrast: float = 30.0
-    max_mismatch: float = 0.15
-    min_borders: int = 40
-    border_error: float = 0.03
-    edge_error: float = 0.01
-    min_trusted: float = 0.5
-    max_residual: float = 4.0
-    min_fitness: float = 0.25
-    max_position_std: float = 0.002
-    max_rotation_std_deg: float = 1.0
-    max_shift: float = 0.030
-    max_turn_deg: float = 10.0
-    fitness_tolerance: float = 0.05
+    kind: ClassVar[str] = "borders"
+
+    window: Count = 8
+    fine_window: Count = 3
+    coarse_spacing: Count = 4
+    blend: Count = 2
+    end_margin: NonNegative = 4.0
+    min_cosine: Share = 0.05
+    min_contrast: Annotated[float, Ge(1)] = 30.0
+    max_mismatch: Share = 0.15
+    min_borders: Annotated[int, Ge(6)] = 40
+    border_error: Annotated[float, Ge(1e-6)] = 0.03
+    edge_error: NonNegative = 0.01
+    min_trusted: Share = 0.5
+    max_residual: Annotated[float, Ge(0)] = 4.0
+    min_fitness: Share = 0.25
+    max_position_std: Annotated[float, Ge(0)] = 0.002
+    max_rotation_std_deg: Annotated[float, Ge(0)] = 1.0
+    max_shift: Annotated[float, Ge(0)] = 0.030
+    max_turn_deg: Annotated[float, Ge(0), Le(180)] = 10.0
+    fitness_tolerance: Share = 0.05
 
     def __post_init__(self) -> None:
-        """Checks the ranges."""
-        for name, low, high in (
-            ("window", 1, math.inf),
-            ("fine_window", 1, self.window),
-            ("coarse_spacing", 1, math.inf),
-            ("blend", 1, math.inf),
-            ("end_margin", 0.0, math.inf),
-            ("min_cosine", 0.0, 1.0),
-            ("min_contrast", 1.0, math.inf),
-            ("max_mismatch", 0.0, 1.0),
-            ("min_borders", 6, math.inf),
-            ("border_error", 1e-6, math.inf),
-            ("edge_error", 0.0, math.inf),
-            ("min_trusted", 0.0, 1.0),
-            ("max_residual", 0.0, math.inf),
-            ("min_fitness", 0.0, 1.0),
-            ("max_position_std", 0.0, math.inf),
-            ("max_rotation_std_deg", 0.0, math.inf),
-            ("max_shift", 0.0, math.inf),
-            ("max_turn_deg", 0.0, 180.0),
-            ("fitness_tolerance", 0.0, 1.0),
-        ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ValueError(
-                    f"refinement: {name} must be between {low:g} and {high:g}, not {value}"
-                )
+        """Checks the windows together."""
+        if self.fine_window > self.window:
+            raise ValueError(
+                f"fine_window must be at most window ({self.window}), not {self.fine_window}"
+            )
+
+    def make_refiner(self, matcher: Matcher) -> BorderRefiner:
+        """The refiner with these parameters."""
+        return BorderRefiner(matcher, self)
 
 
 @dataclass(frozen=True)
@@ -157,7 +143,7 @@ class Refiner(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@parameters
 class NoRefinement:
     """Leaves poses as they are.
 
@@ -167,9 +153,15 @@ class NoRefinement:
         False
     """
 
+    kind: ClassVar[str] = "none"
+
     def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
         """The given pose, not refined."""
         return Refinement(np.array(pose, dtype=float))
+
+    def make_refiner(self, matcher: Matcher) -> NoRefinement:
+        """Itself, which needs to know nothing of the matcher."""
+        return self
 
 
 class BorderRefiner:

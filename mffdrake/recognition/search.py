@@ -6,11 +6,14 @@ import dataclasses as dc
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images
+from mffdrake.recognition.parameters import Count, NonNegative, parameters
 from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.refinement import NoRefinement
 from mffdrake.recognition.symmetry import find_turns, turn_about_middle
@@ -21,7 +24,7 @@ Array = NDArray[np.float64]
 _POLISHING = 0.9  # share of the children that are small motions of the best
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class SearchParameters:
     """When a search gives up a round, and when it is over.
 
@@ -48,24 +51,13 @@ class SearchParameters:
         20
     """
 
-    patience: int = 20
-    progress: float = 0.005
-    turn_every: int = 4
-    polish: int = 40
-    agreement: int = 3
-    same_position: float = 0.1
-    same_rotation_deg: float = 10.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        for name, low in (
-            ("patience", 1), ("progress", 0), ("turn_every", 1), ("polish", 0),
-            ("agreement", 1),
-            ("same_position", 0), ("same_rotation_deg", 0),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if not value >= low:
-                raise ValueError(f"search: {name} must be at least {low}, not {value}")
+    patience: Count = 20
+    progress: NonNegative = 0.005
+    turn_every: Count = 4
+    polish: Annotated[int, Ge(0)] = 40
+    agreement: Count = 3
+    same_position: NonNegative = 0.1
+    same_rotation_deg: NonNegative = 10.0
 
 
 @dataclass(frozen=True)

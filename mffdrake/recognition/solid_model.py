@@ -10,11 +10,14 @@ from __future__ import annotations
 import colorsys
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from annotated_types import MinLen
 from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.parameters import Count, Positive, parameters
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -204,7 +207,7 @@ def _cluster(rows: Array) -> IntArray:
     return labels
 
 
-@dataclass(frozen=True, kw_only=True)
+@parameters
 class SamplingParameters:
     """How densely a solid is sampled.
 
@@ -220,21 +223,10 @@ class SamplingParameters:
         ValueError: When a length is not positive.
     """
 
-    spacing: float = 0.020
-    min_cells: int = 5
-    margin: float | None = 0.0015
-    strip_offsets: tuple[float, ...] = (0.0015, 0.006, 0.020)
-
-    def __post_init__(self) -> None:
-        """Checks that every length is positive."""
-        if not self.spacing > 0:
-            raise ValueError(f"spacing must be positive, not {self.spacing} m")
-        if not self.min_cells >= 1:
-            raise ValueError(f"min_cells must be at least 1, not {self.min_cells}")
-        if self.margin is not None and not self.margin > 0:
-            raise ValueError(f"margin must be positive or null, not {self.margin} m")
-        if not self.strip_offsets or not all(offset > 0 for offset in self.strip_offsets):
-            raise ValueError("strip_offsets must be one or more positive lengths [m]")
+    spacing: Positive = 0.020
+    min_cells: Count = 5
+    margin: Positive | None = 0.0015
+    strip_offsets: Annotated[tuple[Positive, ...], MinLen(1)] = (0.0015, 0.006, 0.020)
 
 
 class SearchModel:

@@ -10,25 +10,23 @@ import typing
 import numpy as np
 import pytest
 import yaml
-from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 
-from mffdrake.experiment.scenario import METHODS, LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario import METHODS, Change, LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario_sections import StereoCameraConfig
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import (
     CameraRig,
-    GeneCoding,
-    GeneticParameters,
     LocalMoveParameters,
     MatchingParameters,
-    NearStart,
     OneStepGaTracker,
+    ParameterError,
     SamplingParameters,
     SearchRange,
+    TrackerParameters,
 )
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pa10 import AddCameraFrames
-from mffdrake.systems.pd_controller import PdGains
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.timing import Timing
 
@@ -36,29 +34,29 @@ from mffdrake.systems.timing import Timing
 def all_keys(schema=Scenario, above=()):
     """Every key that holds a value, with its type: {("camera", "width"): int, ...}."""
     keys = {}
-    for field in dc.fields(schema):
-        key = (*above, field.name)
-        keys |= all_keys(field.type, key) if dc.is_dataclass(field.type) else {key: field.type}
+    for name, kind in typing.get_type_hints(schema).items():
+        key = (*above, name)
+        if dc.is_dataclass(kind):
+            keys |= all_keys(kind, key)
+        elif typing.get_origin(kind) is not typing.ClassVar:
+            keys[key] = kind
     return keys
 
 
 def sections(schema=Scenario, above=()):
     """Every key that holds a mapping of keys."""
     found = []
-    for field in dc.fields(schema):
-        if dc.is_dataclass(field.type):
-            key = (*above, field.name)
-            found += [key, *sections(field.type, key)]
+    for name, kind in typing.get_type_hints(schema).items():
+        if dc.is_dataclass(kind):
+            found += [(*above, name), *sections(kind, (*above, name))]
     return found
 
 
 def read(scenario, key):
-    """The value of a key, a Transform as its 3 x 4 matrix."""
+    """The value of a key."""
     for name in key:
         scenario = getattr(scenario, name)
-    if isinstance(scenario, Transform):
-        return scenario.GetDeterministicValue().GetAsMatrix34().tolist()
-    return scenario
+    return list(scenario) if isinstance(scenario, tuple) else scenario
 
 
 def to_yaml(key, value):
@@ -137,7 +135,6 @@ def test_the_target_starts_where_the_paper_has_it_in_the_camera():
 
 
 def test_the_defaults_are_valid_and_nothing_is_the_same_as_no_text_and_no_file(tmp_path):
-    Scenario().Validate()
     (tmp_path / "empty.yaml").write_text("")
     (tmp_path / "comment.yaml").write_text("# nothing yet\n")
     for scenario in (
@@ -152,12 +149,17 @@ def test_the_defaults_are_valid_and_nothing_is_the_same_as_no_text_and_no_file(t
         assert values(scenario) == values(Scenario())
 
 
-def test_two_scenarios_share_no_lists():
-    first, second = Scenario(), Scenario()
-    first.camera.p_EC[0] = 1.0
-    first.recognizer.search_range.x[0] = -1.0
-    first.recognizer.sampling.strip_offsets.append(0.1)
-    assert values(second) == values(LoadScenario())
+def test_a_scenario_cannot_be_changed_but_another_one_be_made_of_it():
+    scenario = Scenario()
+    with pytest.raises(dc.FrozenInstanceError):
+        scenario.seed = 3
+    with pytest.raises(dc.FrozenInstanceError):
+        scenario.camera.width = 320
+    with pytest.raises(TypeError):
+        scenario.camera.p_EC[0] = 1.0
+    other = Change(scenario, {"camera.width": 320, "hand_path.omega": 0.2})
+    assert (other.camera.width, other.hand_path.omega) == (320, 0.2)
+    assert scenario == Scenario() != other
 
 
 def test_every_key_of_the_issue_is_there():
@@ -175,29 +177,11 @@ def test_every_key_of_the_issue_is_there():
         "timing": {"control_period", "vision_period"},
         "method": set(), "renderer": set(), "duration": set(), "seed": set(),
     }  # fmt: skip
-    top = {field.name: field.type for field in dc.fields(Scenario)}
-    assert set(top) == set(promised)
+    top = typing.get_type_hints(Scenario)
+    assert set(top) >= set(promised)
     for key, inner in promised.items():
         if inner:
             assert inner <= {field.name for field in dc.fields(top[key])}
-
-
-@pytest.mark.parametrize(
-    ("make", "expected"),
-    [
-        (lambda s: s.timing.Make(), Timing()),
-        (lambda s: s.recognizer.MakeCoding(), GeneCoding()),
-        (lambda s: s.recognizer.MakeCoding().search_range, SearchRange()),
-        (lambda s: s.recognizer.MakeParameters(), GeneticParameters()),
-        (lambda s: s.recognizer.MakeSampling(), SamplingParameters()),
-        (lambda s: s.recognizer.MakeMatching(), MatchingParameters()),
-        (lambda s: s.recognizer.MakeLocalMoves(), LocalMoveParameters()),
-        (lambda s: tuple(s.recognizer.start_spread), NearStart(pose=np.zeros(6)).spread),
-        (lambda s: PdGains.FromPreset(s.controller.gains), PdGains.LightlyDamped()),
-    ],
-)
-def test_a_sections_defaults_are_those_of_the_class_behind_it(make, expected):
-    assert make(Scenario()) == expected
 
 
 def test_the_hand_paths_defaults_are_those_of_the_class_behind_it():
@@ -228,25 +212,6 @@ def test_the_other_defaults_are_those_of_the_functions_and_classes_behind_them()
     assert scenario.seed == default(OneStepGaTracker, "seed")
 
 
-@pytest.mark.parametrize(
-    ("section", "parameters"),
-    [
-        ("recognizer", GeneticParameters),
-        ("recognizer.search_range", SearchRange),
-        ("recognizer.sampling", SamplingParameters),
-        ("recognizer.matching", MatchingParameters),
-        ("recognizer.local_moves", LocalMoveParameters),
-        ("timing", Timing),
-    ],
-)
-def test_every_parameter_of_a_class_has_a_key(section, parameters):
-    config = Scenario()
-    for name in section.split("."):
-        config = getattr(config, name)
-    keys = {field.name for field in dc.fields(config)}
-    assert keys >= {field.name for field in dc.fields(parameters)}
-
-
 # What a scenario holds reaches the parts.
 
 
@@ -266,17 +231,16 @@ def test_a_changed_value_reaches_the_part_it_is_for():
     scenario = LoadScenario(text=text)
     path = scenario.hand_path.Make()
     assert (path.amplitude, path.distance, path.omega) == (math.radians(10), 0.7, 0.2)
-    assert scenario.timing.Make() == Timing(control_period=0.002, vision_period=0.05)
-    recognizer = scenario.recognizer
-    assert recognizer.MakeParameters() == GeneticParameters(population_size=20)
-    assert recognizer.MakeCoding() == GeneCoding(
-        search_range=SearchRange(z=(0.5, 1.0)), bits=8, coding="gray"
+    assert scenario.timing == Timing(control_period=0.002, vision_period=0.05)
+    assert scenario.recognizer == TrackerParameters(
+        population_size=20,
+        coding="gray",
+        bits=8,
+        search_range=SearchRange(z=(0.5, 1.0)),
+        sampling=SamplingParameters(spacing=0.03, margin=None, strip_offsets=(0.006,)),
+        matching=MatchingParameters(hue_tolerance_deg=15),
+        local_moves=LocalMoveParameters(sparsity=0.25),
     )
-    assert recognizer.MakeSampling() == SamplingParameters(
-        spacing=0.03, margin=None, strip_offsets=(0.006,)
-    )
-    assert recognizer.MakeMatching() == MatchingParameters(hue_tolerance_deg=15)
-    assert recognizer.MakeLocalMoves() == LocalMoveParameters(sparsity=0.25)
 
 
 # A file, then a text on top.
@@ -302,9 +266,9 @@ def test_a_text_goes_on_top_of_a_file_which_goes_on_top_of_the_defaults(tmp_path
         ("recognizer", "search_range", "y"): [0.0, 0.2],
     }
     for key in all_keys():
-        if key != ("target", "X_WM"):
+        if key[:2] != ("target", "X_WM"):
             assert read(scenario, key) == changed.get(key, read(Scenario(), key)), key
-    assert read(scenario, ("target", "X_WM")) == read(LoadScenario(file), ("target", "X_WM"))
+    assert scenario.target == LoadScenario(file).target
 
 
 @pytest.mark.parametrize("part", ["translation", "rotation"])
@@ -331,10 +295,10 @@ def test_rotations_can_be_given_in_three_ways(rotation, expected):
     np.testing.assert_allclose(R, expected, atol=1e-15)
 
 
-def test_a_whole_number_may_be_written_with_a_point_and_a_number_without():
-    scenario = LoadScenario(text="{seed: 3.0, duration: 2, camera: {fov_y_deg: 50}}")
-    assert (scenario.seed, type(scenario.seed)) == (3, int)
+def test_a_number_may_be_written_without_a_point_and_with_an_exponent_alone():
+    scenario = LoadScenario(text="{duration: 2, camera: {fov_y_deg: 5e1, baseline: 1e-1}}")
     assert (scenario.duration, scenario.camera.fov_y_deg) == (2.0, 50.0)
+    assert scenario.camera.baseline == 0.1
 
 
 # Writing and reading back.
@@ -399,7 +363,7 @@ seed: 11
 def test_the_other_scenario_of_these_tests_has_another_value_for_every_key():
     other, default = values(LoadScenario(text=OTHER)), values(Scenario())
     same = [key for key in other if other[key] == default[key]]
-    assert set(same) <= {("renderer",)}
+    assert set(same) <= {("renderer",)}, same
 
 
 @pytest.mark.parametrize("text", ["", OTHER], ids=["default", "other"])
@@ -448,24 +412,24 @@ def test_a_dump_shows_every_key():
         ("seed:", "seed", "a whole number, not None"),
         ("duration: long", "duration", "a number, not 'long'"),
         ("duration: [3]", "duration", "a number"),
-        ("duration: .nan", "duration", "a number, not nan"),
-        ("method: 3", "method", "a text"),
+        ("duration: .nan", "duration", "positive, not nan|finite"),
+        ("method: 3", "method", "one of ga, mff, not 3"),
         ("camera: 640", "camera", "a mapping with the keys width, height"),
         ("camera:", "camera", "a mapping with the keys width, height"),
         ("camera: {width: wide}", "camera.width", "a whole number"),
         ("controller: {gravity_compensation: 1}", "gravity_compensation", "true or false, not 1"),
-        ("controller: {kp: 100}", "controller.kp", "a list of .*numbers"),
-        ("camera: {p_EC: [a, b, c]}", "camera.p_EC", "a list of .*numbers"),
-        ("camera: {p_EC: [0, .nan, 0]}", "camera.p_EC", "a list of .*numbers"),
+        ("controller: {kp: 100}", "controller.kp", "a list"),
+        ("camera: {p_EC: [a, b, c]}", r"camera.p_EC\[0\]", "a number, not 'a'"),
+        ("camera: {p_EC: [0, .nan, 0]}", r"camera.p_EC\[1\]", "finite"),
         # Sizes and periods that are zero, negative or infinite.
-        ("camera: {width: 0}", "camera.width", "positive, not 0"),
-        ("camera: {height: -480}", "camera.height", "positive, not -480"),
+        ("camera: {width: 0}", "camera.width", "at least 1, not 0"),
+        ("camera: {height: -480}", "camera.height", "at least 1, not -480"),
         ("camera: {baseline: -0.1}", "camera.baseline", "positive"),
-        ("camera: {fov_y_deg: 0}", "camera.fov_y_deg", "between 0 and 180"),
-        ("camera: {fov_y_deg: 180}", "camera.fov_y_deg", "between 0 and 180"),
+        ("camera: {fov_y_deg: 0}", "camera.fov_y_deg", "positive"),
+        ("camera: {fov_y_deg: 180}", "camera.fov_y_deg", "below 180"),
         ("duration: 0", "duration", "positive"),
         ("duration: -1", "duration", "positive, not -1"),
-        ("duration: .inf", "duration", "positive.*inf"),
+        ("duration: .inf", "duration", "finite, not inf"),
         ("seed: -1", "seed", "at least 0, not -1"),
         ("timing: {control_period: 0}", "control_period", "positive"),
         ("timing: {control_period: -0.001}", "control_period", "positive, not -0.001"),
@@ -473,32 +437,32 @@ def test_a_dump_shows_every_key():
         ("timing: {vision_period: .inf}", "vision_period", "positive"),
         ("timing: {vision_period: 0.0335}", "vision_period", "whole multiple of .*control_period"),
         ("timing: {control_period: 0.1}", "vision_period", "whole multiple of .*control_period"),
-        ("hand_path: {omega: -0.1}", "hand.path.*omega", "0 or positive, not -0.1"),
-        ("hand_path: {omega: .inf}", "hand.path.*omega", "0 or positive"),
+        ("hand_path: {omega: -0.1}", "hand.path.*omega", "at least 0, not -0.1"),
+        ("hand_path: {omega: .inf}", "hand.path.*omega", "finite"),
         ("hand_path: {distance: 0}", "hand.path.*distance", "positive"),
-        ("hand_path: {amplitude_deg: -1}", "hand.path.*amplitude", "from 0"),
+        ("hand_path: {amplitude_deg: -1}", "hand.path.*amplitude", "at least 0"),
         ("hand_path: {amplitude_deg: 180}", "hand.path.*amplitude", "below"),
         ("predictor: {latency: -0.001}", "predictor.latency", "at least 0"),
         ("predictor: {latency: 0.0005}", "predictor.latency", "whole multiple"),
-        ("predictor: {latency: .inf}", "predictor.latency", "whole multiple"),
+        ("predictor: {latency: .inf}", "predictor.latency", "finite"),
         ("camera: {latency: 0.0005}", "camera.latency", "whole multiple"),
         ("camera: {latency: -1}", "camera.latency", "at least 0"),
         ("encoders: {noise_deg: -1}", "encoders.noise_deg", "at least 0"),
-        ("predictor: {hand_eye_error_deg: [1, 2]}", "hand_eye_error_deg", "3 numbers"),
-        ("predictor: {hand_eye_error_deg: [1, 2, .inf]}", "hand_eye_error_deg", "list of numbers"),
+        ("predictor: {hand_eye_error_deg: [1, 2]}", "hand_eye_error_deg", "3 values"),
+        ("predictor: {hand_eye_error_deg: [1, 2, .inf]}", "hand_eye_error_deg", "finite"),
         ("predictor: {gain: .inf}", "predictor.gain", "finite"),
         ("recognizer: {population_size: 1}", "recognizer.*population_size", "at least 3, not 1"),
         ("recognizer: {generations_per_frame: 0}", "generations_per_frame", "at least 1, not 0"),
         ("recognizer: {first_candidates: 0}", "recognizer.*first_candidates", "at least 1"),
-        ("recognizer: {bits: 0}", "recognizer.*bits", "between 1 and 31, not 0"),
-        ("recognizer: {survivor_share: 1.1}", "recognizer.*survivor_share", "between 0 and 1"),
+        ("recognizer: {bits: 0}", "recognizer.*bits", "at least 1, not 0"),
+        ("recognizer: {survivor_share: 1.1}", "recognizer.*survivor_share", "at most 1"),
         ("recognizer: {local_share: 0.95}", "local_share and newcomer_share", "not exceed 1"),
         ("recognizer: {start_spread: [-1, 0]}", "recognizer.start_spread", "at least 0"),
         ("recognizer: {sampling: {spacing: 0}}", "recognizer.sampling.*spacing", "positive"),
-        ("recognizer: {sampling: {margin: -1}}", "recognizer.sampling.*margin", "positive or null"),
-        ("recognizer: {sampling: {strip_offsets: []}}", "strip_offsets", "one or more positive"),
-        ("recognizer: {matching: {min_value: 2}}", "recognizer.matching.*min_value", "0 and 1"),
-        ("recognizer: {matching: {min_chroma: 2}}", "recognizer.matching.*min_chroma", "0 and 1"),
+        ("recognizer: {sampling: {margin: -1}}", "recognizer.sampling.*margin", "positive"),
+        ("recognizer: {sampling: {strip_offsets: []}}", "strip_offsets", "a list"),
+        ("recognizer: {matching: {min_value: 2}}", "recognizer.matching.*min_value", "at most 1"),
+        ("recognizer: {matching: {min_chroma: 2}}", "recognizer.matching.*min_chroma", "at most 1"),
         ("recognizer: {sampling: {min_cells: 0}}", "recognizer.sampling.*min_cells", "at least 1"),
         ("recognizer: {white_balance_rate: -0.1}", "recognizer.white_balance_rate", "at least 0"),
         ("recognizer: {local_moves: {depth: -1}}", "local_moves.*depth", "at least 0"),
@@ -511,23 +475,20 @@ def test_a_dump_shows_every_key():
         ("predictor: {mode: exact}", "predictor.mode", "one of rigid, velocity, not 'exact'"),
         ("controller: {gains: soft}", "controller.gains", "one of lightly_damped, well_damped"),
         # Lists of the wrong length, ranges in the wrong order.
-        ("camera: {p_EC: [0, 0]}", "camera.p_EC", "3 numbers"),
-        ("controller: {kp: [1, 2, 3]}", "controller.kp", "7 numbers"),
-        ("controller: {kd: []}", "controller.kd", "7 numbers"),
-        ("recognizer: {start_spread: [0.1]}", "recognizer.start_spread", "2 numbers"),
+        ("camera: {p_EC: [0, 0]}", "camera.p_EC", "3 values"),
+        ("recognizer: {start_spread: [0.1]}", "recognizer.start_spread", "2 values"),
         ("recognizer: {search_range: {x: [0.1, -0.1]}}", "search_range.*x", r"\[least, greatest\]"),
-        ("recognizer: {search_range: {y: [0.1]}}", "search_range.*y", r"\[least, greatest\]"),
+        ("recognizer: {search_range: {y: [0.1]}}", "search_range.*y", "2 values"),
         ("recognizer: {search_range: {y: [0.1, 0.1]}}", "search_range.*y", r"\[least, greatest\]"),
         ("recognizer: {search_range: {z: [-0.1, 1]}}", "search_range.*z", "in front of the camera"),
         ("recognizer: {search_range: {eps2: [-2, 2]}}", "search_range.*eps2", r"within \[-1, 1\]"),
         # Poses.
         ("target: {X_WM: [1, 2, 3]}", "target.X_WM", "translation, rotation"),
-        ("target: {X_WM: {translation: [1, 2]}}", "target.X_WM.translation", "3 numbers"),
-        ("target: {X_WM: {translation: !Uniform {}}}", "target.X_WM.translation", "3 numbers"),
+        ("target: {X_WM: {translation: [1, 2]}}", "target.X_WM.translation", "3 values"),
+        ("target: {X_WM: {translation: !Uniform {}}}", "target.X_WM.translation", "a list"),
         ("target: {X_WM: {rotation: [1, 2, 3]}}", "target.X_WM.rotation", "!Rpy {deg: "),
-        ("target: {X_WM: {rotation: {deg: [1, 2, 3]}}}", "target.X_WM.rotation", "!Rpy {deg: "),
-        ("target: {X_WM: {rotation: !Rpy {rad: [1, 2, 3]}}}", "X_WM.rotation", "!Rpy {deg: "),
-        ("target: {X_WM: {rotation: !Rpy {deg: [1, 2]}}}", "X_WM.rotation.deg", "3 numbers"),
+        ("target: {X_WM: {rotation: !Rpy {rad: [1, 2, 3]}}}", "X_WM.rotation", "known keys: deg"),
+        ("target: {X_WM: {rotation: !Rpy {deg: [1, 2]}}}", "X_WM.rotation.deg", "3 values"),
         ("target: {X_WM: {rotation: !Uniform {}}}", "target.X_WM.rotation", "!AngleAxis"),
         ("hand_path: {X_WE0: {rotation: 3}}", "hand_path.X_WE0.rotation", "!Rpy {deg: "),
         (
@@ -622,14 +583,15 @@ def test_a_file_that_cannot_be_read_is_an_os_error_that_names_it(tmp_path):
         LoadScenario(tmp_path)
 
 
-def test_values_set_in_python_are_checked_too():
-    scenario = Scenario(seed=-1)
-    with pytest.raises(ScenarioError, match="seed must be at least 0, not -1"):
-        scenario.Validate()
-    scenario = Scenario()
-    scenario.camera.width = 0
-    with pytest.raises(ScenarioError, match=r"camera\.width must be positive, not 0"):
-        scenario.Validate()
+def test_values_given_in_python_are_checked_too():
+    with pytest.raises(ParameterError, match="^Scenario: seed must be at least 0, not -1$"):
+        Scenario(seed=-1)
+    with pytest.raises(
+        ParameterError, match=r"^StereoCameraConfig: width must be at least 1, not 0$"
+    ):
+        StereoCameraConfig(width=0)
+    with pytest.raises(ScenarioError, match=r"^camera\.width must be at least 1, not 0$"):
+        Change(Scenario(), {"camera.width": 0})
 
 
 # No value of a wrong type, of any key, ends in anything but a ScenarioError that names the key.
@@ -640,8 +602,10 @@ WRONG = {
     int: ["text", True, None, 1.5, [1], _MAPPING, math.nan, math.inf],
     str: [3, 1.5, True, None, ["text"], _MAPPING],
     bool: ["text", 1, None, [True], _MAPPING],
-    list: ["text", 3, True, None, _MAPPING, ["text"], [[1.0]], [True], [None], [math.nan]],
-    Transform: ["text", 3, True, None, [1.0], _MAPPING, {"rotation": _MAPPING}],
+    tuple: ["text", 3, True, None, _MAPPING, ["text"], [[1.0]], [True], [None], [math.nan]],
+    typing.Literal: ["text", 3, True, None, ["text"], _MAPPING],
+    typing.Union: ["text", 3, True, [1.0], _MAPPING],
+    types.UnionType: ["text", 3, True, [1.0], _MAPPING],
 }
 
 
@@ -650,11 +614,8 @@ def wrong_values():
         for value in ("text", 3, None, [1.0], _MAPPING):
             yield pytest.param(key, value, id=f"{'.'.join(key)}={value}")
     for key, kind in all_keys().items():
-        optional = isinstance(kind, types.UnionType)
-        kind = typing.get_args(kind)[0] if optional else kind
         for value in WRONG[typing.get_origin(kind) or kind]:
-            if not (optional and value is None):
-                yield pytest.param(key, value, id=f"{'.'.join(key)}={value}")
+            yield pytest.param(key, value, id=f"{'.'.join(key)}={value}")
 
 
 @pytest.mark.parametrize(("key", "value"), list(wrong_values()))

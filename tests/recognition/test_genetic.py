@@ -74,14 +74,14 @@ def test_coordinates_are_named_in_the_order_of_the_pose_vector():
 @pytest.mark.parametrize("name", POSE_COORDINATES)
 @pytest.mark.parametrize("bounds", [(0.3, 0.2), (0.2, 0.2), (0.2, math.nan), (0.1, 0.2, 0.3)])
 def test_bounds_out_of_order_are_named(name, bounds):
-    with pytest.raises(ValueError, match=f"search_range: {name} "):
+    with pytest.raises(ValueError, match=f"SearchRange: {name}"):
         SearchRange(**{name: bounds})
 
 
 @pytest.mark.parametrize("name", ["eps1", "eps2", "eps3"])
 @pytest.mark.parametrize("bounds", [(-1.01, 0.5), (0.0, 1.01)])
 def test_quaternion_components_stay_within_one(name, bounds):
-    with pytest.raises(ValueError, match=f"search_range: {name} "):
+    with pytest.raises(ValueError, match=f"SearchRange: {name}"):
         SearchRange(**{name: bounds})
 
 
@@ -189,7 +189,7 @@ def test_gene_length_out_of_range_is_named(bits):
 
 
 def test_unknown_coding_is_named_with_the_choices():
-    with pytest.raises(ValueError, match=r"coding must be 'binary' or 'gray', not 'grey'"):
+    with pytest.raises(ValueError, match=r"coding must be one of binary, gray, not .grey."):
         GeneCoding(coding="grey")
 
 

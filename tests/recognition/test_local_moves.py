@@ -154,11 +154,11 @@ def test_moves_with_everything_stay_rigid():
 @pytest.mark.parametrize("name", ["depth", "shift", "rotation_deg", "decades"])
 @pytest.mark.parametrize("value", [-0.1, math.inf, math.nan])
 def test_lengths_out_of_range_are_named(name, value):
-    with pytest.raises(ValueError, match=f"local_moves: {name} "):
+    with pytest.raises(ValueError, match=f"LocalMoveParameters: {name} "):
         LocalMoveParameters(**{name: value})
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.0, math.nan])
 def test_sparsity_out_of_range_is_named(value):
-    with pytest.raises(ValueError, match="local_moves: sparsity "):
+    with pytest.raises(ValueError, match="LocalMoveParameters: sparsity "):
         LocalMoveParameters(sparsity=value)

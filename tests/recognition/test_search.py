@@ -164,7 +164,7 @@ def test_a_colored_start_draws_where_the_images_show_the_solid():
 
 @pytest.mark.parametrize("name", ["patience", "turn_every", "agreement"])
 def test_parameters_out_of_range_are_named(name):
-    with pytest.raises(ValueError, match=f"search: {name} must be at least 1, not 0"):
+    with pytest.raises(ValueError, match=f"SearchParameters: {name} must be at least 1, not 0"):
         SearchParameters(**{name: 0})
 
 

@@ -1,6 +1,6 @@
 """Color models as YAML files, and how they are learned from example images."""
 
-# No `from __future__ import annotations`: the check of the keys needs the fields' types themselves.
+from __future__ import annotations
 
 import dataclasses as dc
 import math
@@ -12,9 +12,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml, ScenarioError
+from mffdrake.experiment.yaml_text import ReadYaml, ScenarioError
 from mffdrake.recognition import CameraRig, ColorModel, FaceColor, SolidModel
 from mffdrake.recognition.colors import learn_color
+from mffdrake.recognition.parameters import Finite, parameters, read_parameters
 from mffdrake.recognition.pose import transform_from_pose
 
 __all__ = ["ColorFileError", "DumpColors", "LearnColors", "LoadColors", "MasksOfPose"]
@@ -31,12 +32,12 @@ class ColorFileError(ValueError):
     """A file of colors is wrong; the message is one line for the person who wrote it."""
 
 
-@dc.dataclass(kw_only=True, slots=True)
+@parameters
 class _ColorKeys:
     """The keys of a color."""
 
-    hue_deg: float = 0.0
-    tolerance_deg: float = 0.0
+    hue_deg: Finite
+    tolerance_deg: Finite
 
 
 def LoadColors(path: Path | str) -> ColorModel:
@@ -76,10 +77,8 @@ def LoadColors(path: Path | str) -> ColorModel:
         faces = []
         for name, keys in colors.items():
             where = f"colors.{name}"
-            if not isinstance(keys, dict) or set(keys) != {"hue_deg", "tolerance_deg"}:
-                raise ScenarioError(f"{where} must have the keys hue_deg and tolerance_deg")
-            CheckKeysAndTypes(keys, _ColorKeys, where)
-            hue, tolerance = float(keys["hue_deg"]), float(keys["tolerance_deg"])
+            color = read_parameters(_ColorKeys, keys, where)
+            hue, tolerance = color.hue_deg, color.tolerance_deg
             faces.append(FaceColor(str(name), math.radians(hue), math.radians(tolerance)))
         chosen = {key: float(data[key]) for key in gates if key in data}
         return ColorModel(colors=tuple(faces), **chosen)

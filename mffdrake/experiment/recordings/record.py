@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.yaml import yaml_dump, yaml_load_data
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 
@@ -23,6 +22,8 @@ from mffdrake.experiment.recordings.trajectory import SaveTrajectory, Trajectory
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh
+from mffdrake.experiment.yaml_text import DumpYaml
+from mffdrake.recognition.parameters import plain
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 
 __all__ = ["Record", "TrackCommand"]
@@ -85,11 +86,10 @@ def Record(
         ("start", CalcDesiredPose(scenario, 0.0)[None]),
     ):
         SaveTrajectory(Trajectory(result.time[: len(poses)], poses), folder / f"{name}.tum")
-    dumped = scenario.Dump()
     for name, text in (
         ("rig.yaml", DumpRig(rig)),
-        ("scenario.yaml", dumped),
-        ("recognizer.yaml", yaml_dump(yaml_load_data(dumped, private=True)["recognizer"])),
+        ("scenario.yaml", scenario.Dump()),
+        ("recognizer.yaml", DumpYaml(plain(scenario.recognizer))),
     ):
         with WholeFile(folder / name) as part:
             part.write_text(text, encoding="utf-8")

@@ -1,22 +1,26 @@
 """Camera rigs as YAML files: cameras by their numbers or calibration files, and their places."""
 
-# No `from __future__ import annotations`: the check of the keys needs the fields' types themselves.
+from __future__ import annotations
 
 import dataclasses as dc
 import difflib
-import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from pydrake.common.schema import Transform
-from pydrake.common.yaml import yaml_dump, yaml_load_typed
 
-from mffdrake.experiment.scenario_check import CheckKeysAndTypes, ReadYaml, ScenarioError
-from mffdrake.recognition import Camera, CameraRig, Distortion
+from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml
+from mffdrake.recognition import Camera, CameraRig, Distortion, ParameterError
 from mffdrake.recognition.calibration import CalibrationError, read_calibration
+from mffdrake.recognition.parameters import (
+    Finite,
+    OneOf,
+    Vector3,
+    parameters,
+    read_parameters,
+)
+from mffdrake.systems.transforms import AngleAxisDeg, Identity, RpyDeg
 
 __all__ = ["DumpRig", "LoadRig", "RigError"]
 
@@ -30,15 +34,38 @@ class RigError(ValueError):
     """A rig file is wrong; the message is one line for the person who wrote it."""
 
 
-@dc.dataclass(kw_only=True, slots=True)
+@parameters
+class Matrix:
+    """A rotation to the last bit, which angles would lose.
+
+    Attributes:
+        rows: The rotation matrix.
+    """
+
+    rows: tuple[Vector3, Vector3, Vector3]
+
+    def CalcMatrix(self) -> NDArray[np.float64]:
+        """The rotation matrix, shape (3, 3)."""
+        return np.array(self.rows)
+
+
+@parameters
+class _Pose:
+    """A pose, also by its rotation matrix."""
+
+    translation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Annotated[Identity | RpyDeg | AngleAxisDeg | Matrix, OneOf()] = Identity()
+
+
+@parameters
 class _DistortionKeys:
     """The keys of a distortion, see `Distortion`."""
 
-    model: str = "none"
-    coefficients: list[float] = dc.field(default_factory=list)
+    model: Literal["none", "plumb_bob", "equidistant"] = "none"
+    coefficients: tuple[Finite, ...] = ()
 
 
-@dc.dataclass(kw_only=True, slots=True)
+@parameters
 class _CameraKeys:
     """The keys of a camera."""
 
@@ -50,15 +77,8 @@ class _CameraKeys:
     cx: float | None = None
     cy: float | None = None
     distortion: _DistortionKeys | None = None
-    X_CK: Transform | None = None
+    X_CK: _Pose | None = None
     calibration_error: float | None = None
-
-
-@dc.dataclass(kw_only=True, slots=True)
-class _PoseKeys:
-    """A pose, for Drake's reader."""
-
-    X_CK: Transform = dc.field(default_factory=Transform)
 
 
 @dc.dataclass(frozen=True)
@@ -112,7 +132,7 @@ def LoadRig(path: Path | str) -> CameraRig:
         _CheckPlaces(placed)
     except UnicodeDecodeError as error:
         raise RigError(f"{path}: not a text file in UTF-8") from error
-    except (RigError, ScenarioError) as error:
+    except (RigError, ParameterError) as error:
         raise RigError(f"{path}: {error}") from error
     return CameraRig(tuple(p.camera for p in placed))
 
@@ -131,19 +151,17 @@ def DumpRig(rig: CameraRig) -> str:
         >>> print(DumpRig(CameraRig((camera,))))
         cameras:
           camera:
-            X_CK:
-              translation: [0.0, 0.0, 0.0]
-            cx: 319.5
-            cy: 239.5
+            width: 640
+            height: 480
             fx: 580.0
             fy: 580.0
-            height: 480
-            width: 640
+            cx: 319.5
+            cy: 239.5
+            X_CK:
+              translation: [0.0, 0.0, 0.0]
         <BLANKLINE>
     """
-    # One camera at a time: Drake's writer sorts the keys, and the cameras' order counts.
-    parts = [yaml_dump({camera.name: _Entry(camera)}) for camera in rig.cameras]
-    return "cameras:\n" + textwrap.indent("".join(parts), "  ")
+    return DumpYaml({"cameras": {camera.name: _Entry(camera) for camera in rig.cameras}})
 
 
 def _Entry(camera: Camera) -> dict[str, Any]:
@@ -176,22 +194,10 @@ def _ReadCameras(text: str) -> dict[str, Any]:
             "cameras must be a mapping from each camera's name to its keys "
             f"{', '.join(field.name for field in dc.fields(_CameraKeys))}, not {cameras!r}"
         )
-    _CheckDifferentNames(text)
     for name in cameras:
         if type(name) not in (str, int) or not str(name).strip():
             raise RigError(f"a camera's name in cameras must be a text, not {name!r}")
     return {str(name): keys for name, keys in cameras.items()}
-
-
-def _CheckDifferentNames(text: str) -> None:
-    """Raises where a camera's name stands twice: YAML's reader keeps the last one alone."""
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    assert isinstance(root, yaml.MappingNode)  # as `ReadYaml` has made sure
-    for key, section in root.value:
-        names = [name.value for name, _ in section.value] if key.value == "cameras" else []
-        for name in names:
-            if names.count(name) > 1:
-                raise RigError(f"cameras must have different names, not '{name}' twice")
 
 
 def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
@@ -200,26 +206,22 @@ def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
     if not isinstance(data, dict) or "_tag" in data:
         raise RigError(f"{where} must be a mapping with the key calibration, or {_ALL_NUMBERS}")
     data = {key: value for key, value in data.items() if value is not None}
-    R_CK, data = _TakeMatrix(data, where)
-    CheckKeysAndTypes(data, _CameraKeys, where)
-    read = _FromFile if "calibration" in data else _FromNumbers
+    keys = read_parameters(_CameraKeys, data, where)
+    read = _FromNumbers if keys.calibration is None else _FromFile
     try:
-        placed = read(folder, name, data)
+        placed = read(folder, name, keys)
         changes: dict[str, Any] = {}
-        if "calibration_error" in data:
-            changes["calibration_error"] = float(data["calibration_error"])
-        if "X_CK" in data:
+        if keys.calibration_error is not None:
+            changes["calibration_error"] = keys.calibration_error
+        if keys.X_CK is not None:
             if placed.source:
                 raise RigError(
-                    f"{where}.X_CK is told by {data['calibration']}, too, as tf_world_to_camera: "
+                    f"{where}.X_CK is told by {keys.calibration}, too, as tf_world_to_camera: "
                     "give one of them"
                 )
-            # By Drake's own reader, as in a scenario
-            pose = yaml_load_typed(schema=_PoseKeys, data=yaml_dump({"X_CK": data["X_CK"]}))
-            X_CK = pose.X_CK.GetDeterministicValue()
-            changes["R_CK"] = X_CK.rotation().matrix() if R_CK is None else R_CK
-            changes["p_CK"] = X_CK.translation()
-        source = "X_CK" if "X_CK" in data else placed.source
+            changes["R_CK"] = keys.X_CK.rotation.CalcMatrix()
+            changes["p_CK"] = np.array(keys.X_CK.translation)
+        source = placed.source if keys.X_CK is None else "X_CK"
         return _Placed(dc.replace(placed.camera, **changes), source)
     except RigError:
         raise
@@ -228,16 +230,16 @@ def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
         raise RigError(f"{where}.{reason}") from error
 
 
-def _FromFile(folder: Path, name: str, data: dict[str, Any]) -> _Placed:
+def _FromFile(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
     """A camera from its calibration file."""
     where = f"cameras.{name}"
-    both = [key for key in (*_NUMBERS, "distortion") if key in data]
+    both = [key for key in (*_NUMBERS, "distortion") if getattr(keys, key) is not None]
     if both:
         raise RigError(
             f"{where}.{both[0]} is told by {where}.calibration: give either a calibration, or "
             f"{_ALL_NUMBERS}"
         )
-    file = folder / data["calibration"]
+    file = folder / str(keys.calibration)
     try:
         read = read_calibration(file, name=name)
     except CalibrationError as error:
@@ -248,39 +250,17 @@ def _FromFile(folder: Path, name: str, data: dict[str, Any]) -> _Placed:
     return _Placed(camera, "world" if read.has_pose else "")
 
 
-def _FromNumbers(folder: Path, name: str, data: dict[str, Any]) -> _Placed:
+def _FromNumbers(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
     """A camera from its own numbers."""
-    missing = [key for key in _NUMBERS if key not in data]
+    missing = [key for key in _NUMBERS if getattr(keys, key) is None]
     if missing:
         raise RigError(
             f"cameras.{name} lacks {', '.join(missing)}: give a calibration, or {_ALL_NUMBERS}"
         )
-    keys = data.get("distortion", {})
-    coefficients = tuple(float(c) for c in keys.get("coefficients", ()))
-    distortion = Distortion(keys.get("model", "none"), coefficients)
-    numbers: dict[str, Any] = {key: float(data[key]) for key in _NUMBERS}
+    bends = keys.distortion or _DistortionKeys()
+    distortion = Distortion(bends.model, bends.coefficients)
+    numbers: dict[str, Any] = {key: getattr(keys, key) for key in _NUMBERS}
     return _Placed(Camera(name=name, distortion=distortion, **numbers), "")
-
-
-def _TakeMatrix(
-    data: dict[str, Any], where: str
-) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
-    """R_CK where it is a !Matrix, which Drake's Transform does not know, and the other keys."""
-    pose = data.get("X_CK")
-    rotation = pose.get("rotation") if isinstance(pose, dict) else None
-    if not isinstance(rotation, dict) or rotation.get("_tag") != "!Matrix":
-        return None, data
-    try:
-        R_CK = np.array(rotation.get("rows"), dtype=float)
-    except (ValueError, TypeError):
-        R_CK = np.zeros(0)
-    if set(rotation) != {"_tag", "rows"} or R_CK.shape != (3, 3):
-        raise RigError(
-            f"{where}.X_CK.rotation must be !Matrix {{rows: [[...], [...], [...]]}} of 3 x 3 "
-            "numbers"
-        )
-    rest = {key: value for key, value in data["X_CK"].items() if key != "rotation"}
-    return R_CK, data | {"X_CK": rest}
 
 
 def _CheckPlaces(placed: list[_Placed]) -> None:
