@@ -83,7 +83,11 @@ from mffdrake.recognition.calibration import read_camera as read_camera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
 from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
 from mffdrake.recognition.pose import transport_pose as transport_pose
+from mffdrake.systems.arm import ArmError as ArmError
+from mffdrake.systems.arm import ArmModel as ArmModel
 from mffdrake.systems.camera_delay import AddDelay as AddDelay
+from mffdrake.systems.camera_frames import AddCameraFrame as AddCameraFrame
+from mffdrake.systems.camera_frames import AddCameraFrames as AddCameraFrames
 from mffdrake.systems.camera_info import CameraFromInfo as CameraFromInfo
 from mffdrake.systems.camera_info import MakeCameraInfo as MakeCameraInfo
 from mffdrake.systems.graphics import GraphicsUnavailableError as GraphicsUnavailableError
@@ -95,7 +99,6 @@ from mffdrake.systems.inverse_kinematics import UnreachablePathError as Unreacha
 from mffdrake.systems.joint_encoders import JointEncoders as JointEncoders
 from mffdrake.systems.models import ConfigureParser as ConfigureParser
 from mffdrake.systems.models import FindModelsPath as FindModelsPath
-from mffdrake.systems.pa10 import AddCameraFrames as AddCameraFrames
 from mffdrake.systems.pa10 import AddPa10 as AddPa10
 from mffdrake.systems.pa10 import MakePa10Plant as MakePa10Plant
 from mffdrake.systems.pd_controller import PD_GAINS as PD_GAINS

@@ -17,10 +17,14 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.systems.inverse_kinematics import ArmKinematics, UnreachablePathError
+from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
     from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import ModelInstanceIndex
     from pydrake.systems.framework import DiagramBuilder
 
 __all__ = ["AddHandPathSource", "HandPath", "SolveHandPath", "UnreachablePathError"]
@@ -108,26 +112,41 @@ class HandPath:
 
 
 def SolveHandPath(
-    plant: MultibodyPlant, path: HandPath, *, duration: float, frame_name: str = "hand"
+    plant: MultibodyPlant,
+    path: HandPath,
+    *,
+    duration: float,
+    frame_name: str = "hand",
+    model_instance: ModelInstanceIndex | None = None,
+    nominal: ArrayLike = NOMINAL_POSITIONS,
+    held_joints: Sequence[str] = ("S3",),
 ) -> PiecewisePolynomial:
     """Solves for the joint motion along which the hand follows a path: inverse kinematics.
 
-    Joint S3 resolves the arm's redundancy: it stays at 0, with the elbow up. The knots are exact;
-    between them a cubic spline leaves the hand less than 1e-6 m and 1e-6 rad off.
+    The PA-10 holds joint S3 at 0 and keeps the elbow up. Any other arm holds its own joints, or
+    none: what redundancy is left is resolved by staying near the nominal posture (see
+    :class:`~mffdrake.systems.inverse_kinematics.ArmKinematics`), and the joints repeat their motion
+    with every swing. The knots are exact; between them a cubic spline leaves the hand less than
+    1e-6 m and 1e-6 rad off.
 
     Args:
-        plant: A finalized plant with the arm (see :func:`~mffdrake.systems.pa10.AddPa10`); whatever
-            else it holds does not matter.
+        plant: A finalized plant with the arm (see :class:`~mffdrake.systems.arm.ArmModel`);
+            whatever else it holds does not matter.
         path: The hand's desired motion in the world.
         duration: Length of the path [s], positive. The trajectory goes on for 0.1 s after it.
         frame_name: The frame that follows the path.
+        model_instance: The arm; by default the model with that frame.
+        nominal: Nominal posture [rad, or m where a joint slides], shape (n,); its elbow tells to
+            which side the arm is bent.
+        held_joints: Names of the joints that stay at their nominal angle.
 
     Returns:
-        The joint angles [rad], shape (7, 1), in the order of ``JOINT_NAMES``, with continuous
-        velocities and accelerations.
+        The joint angles [rad], shape (n, 1), base to tip, with continuous velocities and
+        accelerations.
 
     Raises:
         ValueError: If ``duration`` is not positive and finite.
+        ArmError: If the posture or the held joints do not fit the arm.
         UnreachablePathError: If the path leaves the arm's reach, a joint's limits or a joint's
             velocity limit. The message names the time, the joint and the remedy.
 
@@ -139,7 +158,13 @@ def SolveHandPath(
     """
     if not 0.0 < duration < math.inf:
         raise ValueError(f"SolveHandPath: duration must be positive, not {duration} s")
-    arm = ArmKinematics(plant, frame_name=frame_name)
+    arm = ArmKinematics(
+        plant,
+        frame_name=frame_name,
+        model_instance=model_instance,
+        nominal=nominal,
+        held_joints=held_joints,
+    )
     start = arm.SolveStart(path.CalcHandPose(0.0))
     span = duration + _MARGIN
     # The joints repeat their motion with every swing: solve for one only.
@@ -204,7 +229,7 @@ def AddHandPathSource(
         name: The system's name.
 
     Returns:
-        A system with one output port of size 14: the desired joint angles [rad], then the
+        A system with one output port of size 2n: the desired joint angles [rad], then the
         velocities [rad/s]. After the trajectory's end the angles stay and the velocities are zero.
     """
     source = builder.AddSystem(TrajectorySource(trajectory, output_derivative_order=1))

@@ -1,4 +1,4 @@
-"""Inverse kinematics of the arm's hand, and what to say where there is none.
+"""Inverse kinematics of an arm's hand, and what to say where there is none.
 
 Frames, in Drake's monogram notation: W world, E the frame that is led (the hand).
 """
@@ -6,6 +6,7 @@ Frames, in Drake's monogram notation: W world, E the frame that is led (the hand
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,21 +14,23 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from mffdrake.systems.pa10 import JOINT_NAMES, NOMINAL_POSITIONS, NUM_JOINTS
+from mffdrake.systems._elbow import Elbow
+from mffdrake.systems.arm import CheckPosture, MovingJoints, UnitOf
+from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
     from pydrake.multibody.math import SpatialVelocity
     from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import ModelInstanceIndex
 
 __all__ = ["ArmKinematics", "UnreachablePathError"]
 
-_S1, _S3, _E1 = (JOINT_NAMES.index(name) for name in ("S1", "S3", "E1"))
-_FREE = [i for i in range(NUM_JOINTS) if i != _S3]
-
 _CONVERGED = 1e-10  # Pose error [m, rad] at which the search ends,
 _SOLVED = 1e-8  # and below which it counts as a solution.
-_STRETCHED = 0.4  # E1 [rad] below which the arm is close to the end of its reach.
+_STRETCHED = 0.4  # Bend of the elbow [rad] below which the arm is close to the end of its reach.
+_SINGULAR = 0.02  # Singular value of the Jacobian below which the hand barely moves some way.
+_CONVEX = 0.1  # Least curvature along the arm's own motion that Newton's step may trust.
 _POSITION_REMEDY = "Reduce the path's amplitude or distance, or move X_WE0."
 _VELOCITY_REMEDY = "Reduce the path's omega or amplitude."
 
@@ -39,11 +42,20 @@ class UnreachablePathError(ValueError):
 class ArmKinematics:
     """Solves for the joint angles of a hand pose: damped Newton steps on Drake's Jacobian.
 
-    The arm has one joint more than a pose needs: S3 stays where the guess has it.
+    An arm with more joints than a pose needs can hold some: they stay where the guess has them. If
+    more than six are left, the solution is the one nearest to the nominal posture, the minimum of
+    ``|q - nominal|^2`` among those with the hand in its pose. So it depends on that pose alone.
 
     Args:
         plant: A finalized plant with the arm; whatever else it holds stays at its default.
         frame_name: The frame that is led.
+        model_instance: The arm; by default the model with that frame.
+        nominal: Nominal posture [rad, or m where a joint slides], shape (n,); the PA-10's by
+            default.
+        held_joints: Names of the joints that are held; the PA-10's S3 by default.
+
+    Raises:
+        ArmError: If the posture or the held joints do not fit the arm.
 
     Example:
         >>> from mffdrake.systems.pa10 import MakePa10Plant
@@ -53,20 +65,36 @@ class ArmKinematics:
         array([  0.,  20.,   0.,  80.,   0., -40.,   0.])
     """
 
-    def __init__(self, plant: MultibodyPlant, *, frame_name: str = "hand") -> None:
-        joints = [plant.GetJointByName(name) for name in JOINT_NAMES]
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        *,
+        frame_name: str = "hand",
+        model_instance: ModelInstanceIndex | None = None,
+        nominal: ArrayLike = NOMINAL_POSITIONS,
+        held_joints: Sequence[str] = ("S3",),
+    ) -> None:
         self._plant = plant
         self._context = plant.CreateDefaultContext()
-        self._frame = plant.GetFrameByName(frame_name)
+        if model_instance is None:
+            model_instance = plant.GetFrameByName(frame_name).model_instance()
+        self._frame = plant.GetFrameByName(frame_name, model_instance)
+        self._joints = joints = MovingJoints(plant, model_instance)
+        self._nominal = np.array(nominal, dtype=float)
+        CheckPosture(joints, self._nominal, held_joints)
         self._all_positions = plant.GetPositions(self._context)
         self._positions = [joint.position_start() for joint in joints]
-        self._columns = [joints[i].velocity_start() for i in _FREE]
+        self._free = [i for i, joint in enumerate(joints) if joint.name() not in held_joints]
+        self._columns = [joints[i].velocity_start() for i in self._free]
         self._lower = np.array([joint.position_lower_limits()[0] for joint in joints])
         self._upper = np.array([joint.position_upper_limits()[0] for joint in joints])
         self._speed = np.array([joint.velocity_upper_limits()[0] for joint in joints])
+        self._redundant = len(self._free) > 6
+        self.CalcPose(self._nominal)
+        self._elbow = Elbow.Find(joints, self._context)
 
     def CalcPose(self, q: NDArray[np.float64]) -> RigidTransform:
-        """Pose ``X_WE`` of the hand (translation in m) at the joint angles ``q`` (7,) [rad]."""
+        """Pose ``X_WE`` of the hand (translation in m) at the joint angles ``q`` (n,) [rad]."""
         self._all_positions[self._positions] = q
         self._plant.SetPositions(self._context, self._all_positions)
         return self._frame.CalcPoseInWorld(self._context)
@@ -79,25 +107,62 @@ class ArmKinematics:
         turn = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
         return np.concatenate((turn, X_WE.translation() - X_WH.translation()))
 
+    def CalcNominalError(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far ``q`` (n,) is from the nearest to nominal, along the free joints' own motion.
+
+        It is the part of ``q - nominal`` that leaves the hand where it is [rad, m], shape (m - 6,)
+        for m free joints: zero at a solution.
+        """
+        own_motion = np.linalg.svd(self._CalcJacobian(q))[2][6:]
+        return own_motion @ (q - self._nominal)[self._free]
+
+    def _CalcJacobian(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity of the hand in W, rotation first, by the free joints' rates: (6, m)."""
+        self.CalcPose(q)
+        world = self._plant.world_frame()
+        return self._plant.CalcJacobianSpatialVelocity(
+            self._context, JacobianWrtVariable.kV, self._frame, np.zeros(3), world, world
+        )[:, self._columns]
+
     def _SolveStep(
         self, q: NDArray[np.float64], twist: NDArray[np.float64], damping: float
     ) -> NDArray[np.float64]:
-        """Joint step or rate (7,) that moves the hand by a twist (6,), by damped least squares."""
-        self.CalcPose(q)
-        world = self._plant.world_frame()
-        J = self._plant.CalcJacobianSpatialVelocity(
-            self._context, JacobianWrtVariable.kV, self._frame, np.zeros(3), world, world
-        )[:, self._columns]
-        step = np.zeros(NUM_JOINTS)
-        step[_FREE] = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), twist)
+        """Joint step or rate (n,) that moves the hand by a twist (6,), by damped least squares."""
+        J = self._CalcJacobian(q)
+        step = np.zeros(len(self._joints))
+        step[self._free] = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), twist)
+        return step
+
+    def _SolveNearNominal(
+        self, q: NDArray[np.float64], twist: NDArray[np.float64], pull: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Joint step or rate (n,) that moves the hand by a twist (6,), nearest to nominal.
+
+        Newton's step for the conditions of the minimum, ``q - nominal = J' multipliers``: along the
+        arm's own motion it takes ``pull`` (m,), the distance from nominal, to zero.
+        """
+        J = self._CalcJacobian(q)
+        U, S, Vt = np.linalg.svd(J)
+        across, own_motion = Vt[:6] / (S + 1e-12)[:, np.newaxis], Vt[6:]
+        least = across.T @ (U.T @ twist)
+        multipliers = U @ (across @ (q - self._nominal)[self._free])
+        H = np.eye(len(self._free)) - _CalcCurvature(J, multipliers)
+        H_own = own_motion @ H @ own_motion.T
+        if np.min(np.linalg.eigvalsh(0.5 * (H_own + H_own.T))) < _CONVEX:  # Far from a minimum.
+            H, H_own = np.eye(len(self._free)), np.eye(len(own_motion))
+        own = np.linalg.solve(H_own, own_motion @ (pull + H @ least))
+        step = np.zeros(len(self._joints))
+        step[self._free] = least - own_motion.T @ own
         return step
 
     def SolveVelocity(self, q: NDArray[np.float64], V_WE: SpatialVelocity) -> NDArray[np.float64]:
-        """Joint velocities (7,) [rad/s] at which the hand at ``q`` has the velocity ``V_WE``."""
+        """Joint velocities (n,) [rad/s] at which the hand at ``q`` has the velocity ``V_WE``."""
+        if self._redundant:
+            return self._SolveNearNominal(q, V_WE.get_coeffs(), np.zeros(len(self._free)))
         return self._SolveStep(q, V_WE.get_coeffs(), 1e-14)
 
     def SolvePose(self, X_WE: RigidTransform, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joint angles (7,) near ``guess`` that put the hand at ``X_WE``, or as near as it gets."""
+        """Joint angles (n,) near ``guess`` that put the hand at ``X_WE``, or as near as it gets."""
         q = guess
         error = self.CalcPoseError(q, X_WE)
         factor = 1e-2
@@ -111,6 +176,18 @@ class ArmKinematics:
                 q, error, factor = trial, trial_error, max(0.1 * factor, 1e-2)
             else:
                 factor *= 10.0
+        if self._redundant and np.max(np.abs(error)) < _SOLVED:
+            return self._ApproachNominal(X_WE, q)
+        return q
+
+    def _ApproachNominal(self, X_WE: RigidTransform, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """From a solution to the one nearest to nominal."""
+        for _ in range(100):
+            error = self.CalcPoseError(q, X_WE)
+            if np.max(np.abs(np.append(error, self.CalcNominalError(q)))) < _CONVERGED:
+                break
+            pull = (q - self._nominal)[self._free]
+            q = q + np.clip(self._SolveNearNominal(q, error, pull), -0.2, 0.2)
         return q
 
     def CheckPose(self, q: NDArray[np.float64], X_WE: RigidTransform, t: float) -> None:
@@ -118,44 +195,61 @@ class ArmKinematics:
         where = f"hand path not reachable at t = {t:.2f} s:"
         error = np.abs(self.CalcPoseError(q, X_WE))
         if np.max(error) > _SOLVED:
-            reason = ", as the arm is almost stretched" if abs(q[_E1]) < _STRETCHED else ""
             raise UnreachablePathError(
-                f"{where} no inverse-kinematics solution{reason}; the hand stays "
+                f"{where} no inverse-kinematics solution{self._CalcReason(q)}; the hand stays "
                 f"{1e3 * np.linalg.norm(error[3:]):.3g} mm and "
                 f"{math.degrees(np.linalg.norm(error[:3])):.2g} deg off. {_POSITION_REMEDY}"
             )
-        for i, name in enumerate(JOINT_NAMES):
+        if self._redundant and np.max(np.abs(self.CalcNominalError(q))) > _SOLVED:
+            raise UnreachablePathError(
+                f"{where} no posture is the nearest to the nominal one. "
+                "Change nominal_deg, or hold a joint by held_joints."
+            )
+        for i, joint in enumerate(self._joints):
             if not self._lower[i] <= q[i] <= self._upper[i]:
                 limit = self._lower[i] if q[i] < self._lower[i] else self._upper[i]
                 raise UnreachablePathError(
-                    f"{where} joint {name} would pass its limit {limit:.3f} rad "
-                    f"(it needs {q[i]:.3f} rad). {_POSITION_REMEDY}"
+                    f"{where} joint {joint.name()} would pass its limit {limit:.3f} "
+                    f"{UnitOf(joint)} (it needs {q[i]:.3f} {UnitOf(joint)}). {_POSITION_REMEDY}"
                 )
 
     def CheckVelocity(self, q: NDArray[np.float64], v: NDArray[np.float64], t: float) -> None:
-        """Raises UnreachablePathError when a joint velocity in ``v`` (7,) passes its limit."""
+        """Raises UnreachablePathError when a joint velocity in ``v`` (n,) passes its limit."""
         excess = np.abs(v) / self._speed
         i = int(np.argmax(excess))
         if excess[i] > 1.0:
-            reason, remedy = "", _VELOCITY_REMEDY
-            if abs(q[_E1]) < _STRETCHED:  # Just before the end of the reach, any speed is too high.
-                reason, remedy = ", as the arm is almost stretched", _POSITION_REMEDY
+            # Just before the end of the reach, any speed is too high.
+            reason = self._CalcReason(q)
+            unit = f"{UnitOf(self._joints[i])}/s"
             raise UnreachablePathError(
-                f"hand path too fast at t = {t:.2f} s: joint {JOINT_NAMES[i]} would pass its "
-                f"velocity limit {self._speed[i]:.4g} rad/s (it needs {abs(v[i]):.4g} rad/s)"
-                f"{reason}. {remedy}"
+                f"hand path too fast at t = {t:.2f} s: joint {self._joints[i].name()} would pass "
+                f"its velocity limit {self._speed[i]:.4g} {unit} (it needs {abs(v[i]):.4g} {unit})"
+                f"{reason}. {_POSITION_REMEDY if reason else _VELOCITY_REMEDY}"
             )
 
+    def _CalcReason(self, q: NDArray[np.float64]) -> str:
+        """What makes the posture ``q`` a bad one, if anything does."""
+        J = self._CalcJacobian(q)
+        if self._elbow is not None and abs(self._elbow.CalcBend(self._context)) < _STRETCHED:
+            return ", as the arm is almost stretched"
+        return ", near a singular pose" if np.linalg.svd(J)[1][-1] < _SINGULAR else ""
+
+    def _IsBentAsNominal(self, q: NDArray[np.float64]) -> bool:
+        self.CalcPose(q)
+        return self._elbow is None or self._elbow.IsBentAsFound(self._context)
+
     def SolveStart(self, X_WE: RigidTransform) -> NDArray[np.float64]:
-        """Joint angles (7,) of a pose that may be far from the nominal, with S3 = 0, elbow up.
+        """Joint angles (n,) of a pose that may be far from the nominal, with the elbow bent alike.
 
         Raises:
             UnreachablePathError: If there is none.
         """
         problem: UnreachablePathError | None = None
-        for turn in np.radians([0.0, 60.0, -60.0, 120.0, -120.0]):
-            q = np.array(NOMINAL_POSITIONS)
-            q[_S1] += turn
+        # A base that turns may have to turn far.
+        turns = [0.0, 60.0, -60.0, 120.0, -120.0] if self._CanTurn() else [0.0]
+        for turn in np.radians(turns):
+            q = np.array(self._nominal)
+            q[0] += turn
             X_WN = self.CalcPose(q)
             turning = (X_WE.rotation() @ X_WN.rotation().inverse()).ToAngleAxis()
             for s in np.linspace(0.1, 1.0, 10):  # In small steps, so that the elbow stays up.
@@ -167,9 +261,24 @@ class ArmKinematics:
             except UnreachablePathError as error:
                 problem = problem or error
             else:
-                if q[_E1] > 0.0:
+                if self._IsBentAsNominal(q):
                     return q
         raise problem or UnreachablePathError(
-            "hand path not reachable at t = 0.00 s: no inverse-kinematics solution with the elbow "
-            f"up. {_POSITION_REMEDY}"
+            "hand path not reachable at t = 0.00 s: no inverse-kinematics solution with joint "
+            f"{self._elbow.name if self._elbow else ''} bent to the nominal side. "
+            f"{_POSITION_REMEDY}"
         )
+
+    def _CanTurn(self) -> bool:
+        return 0 in self._free and UnitOf(self._joints[0]) == "rad"
+
+
+def _CalcCurvature(J: NDArray[np.float64], multipliers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of ``J' multipliers`` by the joint angles, (m, m), for a chain of m joints.
+
+    A joint turns the columns of those after it; it moves the hand on which those before it act.
+    """
+    w, v = J[:3].T, J[3:].T
+    turn = np.cross(w[np.newaxis], w[:, np.newaxis]) @ multipliers[:3]  # of joint i by joint j
+    move = np.cross(w[:, np.newaxis], v[np.newaxis]) @ multipliers[3:]  # by i of the hand, at j
+    return np.tril(turn + move.T) + np.triu(move, 1)

@@ -11,16 +11,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame
 
+from mffdrake.systems.arm import ArmModel
+from mffdrake.systems.camera_frames import DEFAULT_BASELINE, DEFAULT_P_EC, AddCameraFrames
 from mffdrake.systems.models import ConfigureParser
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from pydrake.multibody.tree import Frame, ModelInstanceIndex
+    from pydrake.math import RotationMatrix
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import ModelInstanceIndex
 
 __all__ = [
     "ARM_NAME",
@@ -40,16 +42,10 @@ JOINT_NAMES: tuple[str, ...] = ("S1", "S2", "S3", "E1", "E2", "W1", "W2")
 NUM_JOINTS: int = 7
 """The number of joints."""
 
-NOMINAL_POSITIONS: NDArray[np.float64] = np.radians([0.0, 30.0, 0.0, 90.0, 0.0, -30.0, 0.0])
+NOMINAL_POSITIONS: NDArray[np.float64] = np.radians(ArmModel().nominal_deg)
 """Joint angles [rad], elbow up, that put the hand at the paper's first hand pose, Eq. (29): a
 read-only array of shape (7,)."""
 NOMINAL_POSITIONS.flags.writeable = False
-
-DEFAULT_P_EC: tuple[float, float, float] = (0.0, -0.155, 0.0)
-"""Position of the right camera C in the hand frame E [m]: 155 mm above the hand's axis."""
-
-DEFAULT_BASELINE: float = 0.150
-"""Distance from the right to the left camera [m]."""
 
 ARM_NAME = "pa10"
 """Name of the arm's model instance."""
@@ -102,79 +98,6 @@ def AddPa10(plant: MultibodyPlant, *, X_WB: RigidTransform | None = None) -> Mod
     return arm
 
 
-def AddCameraFrames(
-    plant: MultibodyPlant,
-    *,
-    p_EC: Sequence[float] | NDArray[np.float64] = DEFAULT_P_EC,
-    R_EC: RotationMatrix | None = None,
-    baseline: float = DEFAULT_BASELINE,
-) -> tuple[Frame, Frame]:
-    """Adds the frames of the stereo camera to the arm's hand.
-
-    Both cameras look along the hand's z axis, with their axes parallel to the hand's, unless they
-    are mounted askew. The right camera C is the reference frame of the recognition; the left camera
-    L is to its left, at ``p_CL = (-baseline, 0, 0)``.
-
-    Args:
-        plant: A plant that holds the arm (see :func:`AddPa10`) and is not finalized yet.
-        p_EC: Position of the right camera in the hand frame [m], shape (3,).
-        R_EC: Orientation of both cameras in the hand frame; the identity by default.
-        baseline: Distance from the right to the left camera [m], positive.
-
-    Returns:
-        The frames ``camera_right`` (C) and ``camera_left`` (L), both fixed to the body ``hand``.
-
-    Raises:
-        RuntimeError: If the plant is finalized already, holds no arm, or has the frames already.
-        ValueError: If ``p_EC`` is not three finite numbers, or ``baseline`` is not positive and
-            finite.
-
-    Example:
-        >>> from pydrake.multibody.plant import MultibodyPlant
-        >>> from mffdrake.systems.pa10 import AddCameraFrames, AddPa10
-        >>> plant = MultibodyPlant(time_step=0.0)
-        >>> _ = AddPa10(plant)
-        >>> frame_C, frame_L = AddCameraFrames(plant, baseline=0.120)
-        >>> frame_C.name(), frame_L.name()
-        ('camera_right', 'camera_left')
-    """
-    p_EC = np.asarray(p_EC, dtype=float)
-    if p_EC.shape != (3,) or not np.all(np.isfinite(p_EC)):
-        raise ValueError(f"AddCameraFrames: p_EC must be three finite numbers [m], not {p_EC}.")
-    if not (np.isfinite(baseline) and baseline > 0.0):
-        raise ValueError(
-            f"AddCameraFrames: baseline must be a positive distance [m], not {baseline}: "
-            "the left camera is to the left of the right one."
-        )
-    if plant.is_finalized():
-        raise RuntimeError(
-            "AddCameraFrames: the plant is finalized already. "
-            "Add the camera frames before plant.Finalize()."
-        )
-    if not plant.HasModelInstanceNamed(ARM_NAME):
-        raise RuntimeError(
-            f"AddCameraFrames: the plant holds no model named '{ARM_NAME}'. Call AddPa10 first."
-        )
-    arm = plant.GetModelInstanceByName(ARM_NAME)
-    if plant.HasFrameNamed("camera_right", arm) or plant.HasFrameNamed("camera_left", arm):
-        raise RuntimeError("AddCameraFrames: the arm has its camera frames already.")
-    frame_C = plant.AddFrame(
-        FixedOffsetFrame(
-            name="camera_right",
-            P=plant.GetFrameByName("hand", arm),
-            X_PF=RigidTransform(RotationMatrix() if R_EC is None else R_EC, p_EC),
-        )
-    )
-    frame_L = plant.AddFrame(
-        FixedOffsetFrame(
-            name="camera_left",
-            P=frame_C,
-            X_PF=RigidTransform([-baseline, 0.0, 0.0]),
-        )
-    )
-    return frame_C, frame_L
-
-
 def MakePa10Plant(
     time_step: float = 0.0,
     *,
@@ -212,12 +135,7 @@ def MakePa10Plant(
         >>> print((1000 * X_WE.translation()).round(2) + 0.0)
         [918.01   0.   454.71]
     """
-    if not (np.isfinite(time_step) and time_step >= 0.0):  # Drake would abort the process.
-        raise ValueError(
-            f"MakePa10Plant: time_step must be 0 (continuous) or positive [s], not {time_step}."
-        )
-    plant = MultibodyPlant(time_step=time_step)
-    AddPa10(plant)
+    plant = ArmModel().MakePlant(time_step)
     AddCameraFrames(plant, p_EC=p_EC, R_EC=R_EC, baseline=baseline)
     plant.Finalize()
     return plant
