@@ -3,6 +3,7 @@
 Nothing here imports pydrake.
 """
 
+from mffdrake.recognition.any_tracker import Tracker
 from mffdrake.recognition.cameras import Camera, CameraRig, Distortion
 from mffdrake.recognition.colors import ColorModel, FaceColor
 from mffdrake.recognition.genetic import (
@@ -84,5 +85,6 @@ __all__ = [
     "SearchRange",
     "SolidModel",
     "Start",
+    "Tracker",
     "WhiteBalance",
 ]
