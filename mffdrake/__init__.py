@@ -37,10 +37,10 @@ _MODULES = {
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
         "AdaptiveWhiteBalance BorderRefiner Camera CameraRig ColorModel ColoredStart Distortion "
-        "Estimate FaceColor GeneCoding GeneticParameters LocalMoveParameters Matcher "
+        "Estimate FaceColor GeneCoding Generation GeneticParameters LocalMoveParameters Matcher "
         "MatchingParameters NearStart OneStepGaTracker PoseSearch PoseTracker RandomStart "
         "RefinementParameters SamplingParameters SearchModel SearchParameters SearchRange "
-        "SolidModel"
+        "SolidModel Tracker"
     ),
     "recognition.calibration": "CalibrationError read_camera",
     "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
@@ -56,7 +56,7 @@ _MODULES = {
     "systems.pa10": "AddPa10 MakePa10Plant",
     "systems.pd_controller": "PD_GAINS AddGravityCompensation PdController PdGains",
     "systems.predictor": "MffPredictor",
-    "systems.recognizer": "OneStepGaRecognizer",
+    "systems.recognizer": "OneStepGaRecognizer PoseRecognizer",
     "systems.renderers": "AddRenderer",
     "systems.stereo_camera": "AddStereoCamera",
     "systems.timing": "Timing",

@@ -63,6 +63,7 @@ from mffdrake.recognition import Distortion as Distortion
 from mffdrake.recognition import Estimate as Estimate
 from mffdrake.recognition import FaceColor as FaceColor
 from mffdrake.recognition import GeneCoding as GeneCoding
+from mffdrake.recognition import Generation as Generation
 from mffdrake.recognition import GeneticParameters as GeneticParameters
 from mffdrake.recognition import LocalMoveParameters as LocalMoveParameters
 from mffdrake.recognition import Matcher as Matcher
@@ -78,6 +79,7 @@ from mffdrake.recognition import SearchModel as SearchModel
 from mffdrake.recognition import SearchParameters as SearchParameters
 from mffdrake.recognition import SearchRange as SearchRange
 from mffdrake.recognition import SolidModel as SolidModel
+from mffdrake.recognition import Tracker as Tracker
 from mffdrake.recognition.calibration import CalibrationError as CalibrationError
 from mffdrake.recognition.calibration import read_camera as read_camera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
@@ -107,6 +109,7 @@ from mffdrake.systems.pd_controller import PdController as PdController
 from mffdrake.systems.pd_controller import PdGains as PdGains
 from mffdrake.systems.predictor import MffPredictor as MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer as OneStepGaRecognizer
+from mffdrake.systems.recognizer import PoseRecognizer as PoseRecognizer
 from mffdrake.systems.renderers import AddRenderer as AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera as AddStereoCamera
 from mffdrake.systems.timing import Timing as Timing

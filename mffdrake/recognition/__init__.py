@@ -3,6 +3,7 @@
 Nothing here imports pydrake.
 """
 
+from mffdrake.recognition.any_tracker import Tracker
 from mffdrake.recognition.cameras import Camera, CameraRig, Distortion
 from mffdrake.recognition.colors import ColorModel, FaceColor
 from mffdrake.recognition.genetic import (
@@ -87,6 +88,7 @@ __all__ = [
     "SearchRange",
     "SolidModel",
     "Start",
+    "Tracker",
     "TrackerParameters",
     "WhiteBalance",
 ]

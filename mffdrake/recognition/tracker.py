@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
@@ -186,6 +187,22 @@ class OneStepGaTracker:
         )
         algorithm = GeneticAlgorithm(self.coding, self.parameters, moves)
         object.__setattr__(self, "_algorithm", algorithm)
+
+    @property
+    def rig(self) -> CameraRig:
+        """The cameras: the matcher's."""
+        return self.matcher.rig
+
+    @property
+    def num_hypotheses(self) -> int:
+        """Number of hypotheses: the population's size."""
+        return self.parameters.population_size
+
+    @property
+    def initial_pose(self) -> Array:
+        """The center of the search range: all that is known before the first frame, shape (6,)."""
+        search_range = self.coding.search_range
+        return np.asarray(0.5 * (search_range.lower + search_range.upper))
 
     def start_population(
         self, images: Images, *, frame: int = 0, gains: Gains = NO_GAINS

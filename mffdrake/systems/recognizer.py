@@ -1,8 +1,9 @@
-"""The 1-step GA as a Drake system: one generation on every frame."""
+"""A pose estimator as a Drake system, frame by frame: the 1-step GA, or any other tracker."""
 
 from __future__ import annotations
 
 import math
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +12,23 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from mffdrake.recognition import Generation, OneStepGaTracker
+from mffdrake.recognition import Generation, OneStepGaTracker, Tracker
 from mffdrake.recognition.matching import NO_GAINS
 from mffdrake.recognition.pose import transform_from_pose
 from mffdrake.systems._callbacks import Weakly
 from mffdrake.systems.timing import Timing
 
-__all__ = ["OneStepGaRecognizer"]
+__all__ = ["OneStepGaRecognizer", "PoseRecognizer"]
+
+TrackerT = TypeVar("TrackerT", bound=Tracker)
 
 
-class OneStepGaRecognizer(LeafSystem):
-    """Recognizes the target's pose in the images of a rig, one generation of a GA a frame.
+class PoseRecognizer(LeafSystem, Generic[TrackerT]):
+    """Recognizes the target's pose in the images of a rig, one step of a tracker a frame.
 
     .. pydrake_system::
 
-        name: OneStepGaRecognizer
+        name: PoseRecognizer
         input_ports:
         - color_image_right
         - color_image_left
@@ -40,9 +43,10 @@ class OneStepGaRecognizer(LeafSystem):
         - pose_covariance
 
     At every frame (each ``timing.vision_period``, from time 0) it reads the images and takes one
-    step of its tracker. Its population comes from ``predicted_population`` where that is connected
+    step of its tracker. Its hypotheses come from ``predicted_population`` where that is connected
     (`MffPredictor` computes it from ``population``), and otherwise from its own last frame: that is
-    the plain 1-step GA. A forced discrete update takes a frame at once, whatever the time.
+    tracking without motion feedforward. A forced discrete update takes a frame at once, whatever
+    the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
     poses, fitness, covariance and white balance. Outputs depend on the state alone, so the loop
@@ -53,55 +57,55 @@ class OneStepGaRecognizer(LeafSystem):
             `CameraRig.stereo`; in general there is one port for each camera of the tracker's rig.
         predicted_population: The N hypotheses carried to the present frame, shape (6 N,).
         pose: Recognized pose vector ``(r [m], eps)`` in frame C, shape (6,). Before the first frame
-            it is the center of the search range.
+            it is the tracker's ``initial_pose``.
         X_CM: The same as a RigidTransform.
-        fitness: Its fitness, 0 to 1; before the first frame 0.
+        fitness: Its fitness, 0 to 1; before the first frame 0, and in frames in which the tracker
+            found nothing.
         population: All hypotheses after the last frame, best first, shape (6 N,).
         population_fitness: Their fitness, shape (N,).
         frame_time: Time of the last frame [s]; before the first one NaN.
         pose_covariance: Covariance of the error of ``pose``, 6 x 6 row by row, shape (36,). NaN
-            where the pose is not refined, as without a refiner in the tracker.
+            where the tracker does not tell it.
 
     Args:
-        tracker: The algorithm, with all of its parameters.
+        tracker: The pose estimator, with all of its parameters; see `Tracker`.
         timing: Control and vision periods: those of the predictor, where there is one.
 
     Raises:
+        ValueError: When the tracker's ``num_hypotheses`` or ``initial_pose`` is none; at a frame,
+            when it returns arrays of another shape than these tell.
         RuntimeError: At a frame, when an image port is not connected.
 
     Example:
-        >>> from mffdrake.recognition import BLUE, GREEN, RED, Matcher, SearchModel, SolidModel
         >>> from mffdrake.recognition import CameraRig
-        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
-        >>> recognizer = OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
-        >>> context = recognizer.CreateDefaultContext()
-        >>> for side in ("right", "left"):
-        ...     _ = recognizer.GetInputPort(f"color_image_{side}").FixValue(
-        ...         context, ImageRgba8U(640, 480))
-        >>> recognizer.CalcForcedDiscreteVariableUpdate(
-        ...     context, context.get_mutable_discrete_state())
-        >>> recognizer.GetOutputPort("frame_time").Eval(context)
-        array([0.])
+        >>> class Nowhere:
+        ...     rig, num_hypotheses, initial_pose = CameraRig.stereo(), 1, np.zeros(6)
+        ...     def start_population(self, images, *, frame):
+        ...         return Generation(np.zeros((1, 6)), np.zeros(1))
+        ...     def track(self, generation, images, *, frame):
+        ...         return Generation(generation.poses, np.zeros(1))
+        >>> recognizer = PoseRecognizer(tracker=Nowhere())
+        >>> recognizer.GetInputPort("predicted_population").size()
+        6
     """
 
-    def __init__(self, *, tracker: OneStepGaTracker, timing: Timing | None = None) -> None:
+    def __init__(self, *, tracker: TrackerT, timing: Timing | None = None) -> None:
         super().__init__()
+        _CheckTracker(tracker)
         self._tracker = tracker
         self._timing = Timing() if timing is None else timing
-        n = tracker.parameters.population_size
+        n = tracker.num_hypotheses
 
         image = AbstractValue.Make(ImageRgba8U())
         self._images = [
             self.DeclareAbstractInputPort(f"color_image_{name}", image)
-            for name in tracker.matcher.rig.names
+            for name in tracker.rig.names
         ]
         self._predicted = self.DeclareVectorInputPort("predicted_population", 6 * n)
 
-        center = 0.5 * (tracker.coding.search_range.lower + tracker.coding.search_range.upper)
         self._num_frames = self.DeclareDiscreteState(1)
         self._frame_time = self.DeclareDiscreteState([math.nan])
-        self._poses = self.DeclareDiscreteState(np.tile(center, n))
+        self._poses = self.DeclareDiscreteState(np.tile(tracker.initial_pose, n))
         self._fitness = self.DeclareDiscreteState(n)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
@@ -128,14 +132,19 @@ class OneStepGaRecognizer(LeafSystem):
         self.DeclareForcedDiscreteUpdateEvent(self._TakeFrame)
 
     @property
-    def tracker(self) -> OneStepGaTracker:
-        """The algorithm, with all of its parameters."""
+    def tracker(self) -> TrackerT:
+        """The pose estimator, with all of its parameters."""
         return self._tracker
+
+    @property
+    def timing(self) -> Timing:
+        """Control and vision periods."""
+        return self._timing
 
     @property
     def num_hypotheses(self) -> int:
         """Number N of hypotheses in the population."""
-        return self._tracker.parameters.population_size
+        return self._tracker.num_hypotheses
 
     def _UpdateOnVisionTick(self, context: Context, discrete_state: DiscreteValues) -> None:
         if self._timing.IsVisionTick(context.get_time()):
@@ -146,6 +155,7 @@ class OneStepGaRecognizer(LeafSystem):
         frame = int(context.get_discrete_state(self._num_frames).value()[0])
         if frame == 0:
             generation = self._tracker.start_population(images, frame=frame)
+            _CheckGeneration(generation, self._tracker, "start_population")
         else:
             fitness = context.get_discrete_state(self._fitness).value()
             covariance = context.get_discrete_state(self._covariance).value()
@@ -153,6 +163,7 @@ class OneStepGaRecognizer(LeafSystem):
             red, green, blue = context.get_discrete_state(self._gains).value().tolist()
             last = Generation(self._CarriedPoses(context), fitness, refined, (red, green, blue))
             generation = self._tracker.track(last, images, frame=frame)
+            _CheckGeneration(generation, self._tracker, "track")
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
@@ -187,3 +198,79 @@ class OneStepGaRecognizer(LeafSystem):
 
     def _CalcFitness(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])
+
+
+class OneStepGaRecognizer(PoseRecognizer[OneStepGaTracker]):
+    """The `PoseRecognizer` of the 1-step GA: one generation on every frame.
+
+    .. pydrake_system::
+
+        name: OneStepGaRecognizer
+        input_ports:
+        - color_image_right
+        - color_image_left
+        - predicted_population (optional)
+        output_ports:
+        - pose
+        - X_CM
+        - fitness
+        - population
+        - population_fitness
+        - frame_time
+        - pose_covariance
+
+    Without ``predicted_population`` it is the plain 1-step GA. Before the first frame ``pose`` is
+    the center of the search range, and ``pose_covariance`` is NaN where the pose is not refined, as
+    without a refiner in the tracker.
+
+    Args:
+        tracker: The algorithm, with all of its parameters.
+        timing: Control and vision periods: those of the predictor, where there is one.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, Matcher, SearchModel, SolidModel
+        >>> from mffdrake.recognition import CameraRig
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> recognizer = OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
+        >>> context = recognizer.CreateDefaultContext()
+        >>> for side in ("right", "left"):
+        ...     _ = recognizer.GetInputPort(f"color_image_{side}").FixValue(
+        ...         context, ImageRgba8U(640, 480))
+        >>> recognizer.CalcForcedDiscreteVariableUpdate(
+        ...     context, context.get_mutable_discrete_state())
+        >>> recognizer.GetOutputPort("frame_time").Eval(context)
+        array([0.])
+    """
+
+
+def _CheckTracker(tracker: Tracker) -> None:
+    """Checks what a tracker says of itself."""
+    name, pose = type(tracker).__name__, np.asarray(tracker.initial_pose)
+    if tracker.num_hypotheses < 1:
+        raise ValueError(f"{name}: num_hypotheses must be at least 1, not {tracker.num_hypotheses}")
+    if pose.shape != (6,) or not np.isfinite(pose).all():
+        raise ValueError(
+            f"{name}: initial_pose must be a pose vector of 6 finite numbers, not {pose.tolist()}"
+        )
+
+
+def _CheckGeneration(generation: Generation, tracker: Tracker, method: str) -> None:
+    """Checks what a tracker returned: the state takes numbers of these shapes alone."""
+    n = tracker.num_hypotheses
+    where = f"{type(tracker).__name__}.{method}"
+    shapes = {"poses": (n, 6), "fitness": (n,), "gains": (3,)}
+    if generation.covariance is not None:
+        shapes["covariance"] = (6, 6)
+    for name, expected in shapes.items():
+        shape = np.shape(getattr(generation, name))
+        if shape != expected:
+            raise ValueError(
+                f"{where} returned {name} of shape {shape}; with num_hypotheses {n} it must be "
+                f"of shape {expected}"
+            )
+    if not (np.isfinite(generation.poses).all() and np.isfinite(generation.fitness).all()):
+        raise ValueError(
+            f"{where} returned poses or fitness that are not finite; where nothing is found, "
+            "return the carried poses with fitness 0"
+        )
