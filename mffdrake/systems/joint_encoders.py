@@ -72,7 +72,7 @@ class JointEncoders(LeafSystem):
         if offsets.shape not in ((), (num_joints,)) or not np.isfinite(offsets).all():
             raise ValueError(
                 f"JointEncoders: offset must be one finite number or {num_joints} of them, one for "
-                f"each joint, in rad, not {offset}"
+                f"each joint, in rad, not {offsets.tolist()}"
             )
         if not 0.0 <= resolution < math.inf:
             raise ValueError(
