@@ -21,6 +21,7 @@ from pydrake.systems.sensors import RgbdSensor
 
 from mffdrake.recognition import Camera, CameraRig
 from mffdrake.systems.camera_info import MakeCameraInfo
+from mffdrake.systems.lens import LensDistortion, MakeCoveringPinhole, NeedsLens
 
 __all__ = ["AddStereoCamera"]
 
@@ -41,7 +42,8 @@ def AddStereoCamera(
     """Adds an RgbdSensor for each camera of a rig on the plant's frames, connected to the scene.
 
     The result is one Diagram, ``stereo_camera``. Its images are rendered only when they are read,
-    each at most once at a time.
+    each at most once at a time. Behind the sensor of a camera with a distortion stands a
+    `LensDistortion`, ``lens_...``, and the sensor itself is a pinhole that sees all that is needed.
 
     .. pydrake_system::
 
@@ -68,8 +70,8 @@ def AddStereoCamera(
         The cameras.
 
     Raises:
-        ValueError: When the frames do not lie to each other as the rig's cameras do, a camera has a
-            distortion, or the scene lacks the renderer.
+        ValueError: When the frames do not lie to each other as the rig's cameras do, a camera sees
+            farther from its axis than can be drawn, or the scene lacks the renderer.
     """
     if not scene_graph.HasRenderer(renderer):
         raise ValueError(f"the scene has no renderer '{renderer}'; add it with AddRenderer")
@@ -80,7 +82,8 @@ def AddStereoCamera(
     pair = DiagramBuilder()
     sensors = []
     for camera, frame in zip(rig.cameras, placed, strict=True):
-        core = RenderCameraCore(renderer, MakeCameraInfo(camera), _CLIPPING, RigidTransform())
+        drawn = MakeCoveringPinhole(camera) if NeedsLens(camera) else camera
+        core = RenderCameraCore(renderer, MakeCameraInfo(drawn), _CLIPPING, RigidTransform())
         sensor = pair.AddNamedSystem(
             f"camera_{camera.name}",
             RgbdSensor(
@@ -91,7 +94,12 @@ def AddStereoCamera(
             ),
         )
         sensors.append(sensor)
-        pair.ExportOutput(sensor.color_image_output_port(), f"color_image_{camera.name}")
+        image = sensor.color_image_output_port()
+        if drawn is not camera:
+            lens = pair.AddNamedSystem(f"lens_{camera.name}", LensDistortion(camera, drawn))
+            pair.Connect(image, lens.get_input_port())
+            image = lens.get_output_port()
+        pair.ExportOutput(image, f"color_image_{camera.name}")
     query = pair.ExportInput(sensors[0].query_object_input_port(), "geometry_query")
     for sensor in sensors[1:]:
         pair.ConnectInput(query, sensor.query_object_input_port())

@@ -1,0 +1,52 @@
+"""Light whose color changes between warm and cold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mffdrake.recognition.parameters import Finite, NonNegative, Positive, parameters
+from mffdrake.systems.disturbances.gains import Amplify, CalcSwing
+from mffdrake.systems.disturbances.image_disturbance import Image, PixelDisturbance
+
+__all__ = ["ColorTemperature"]
+
+
+@parameters
+class ColorTemperature(PixelDisturbance):
+    """Multiplies red by ``1 + s`` and blue by ``1 - s``, where s swings over time.
+
+    It is ``s = offset + amplitude sin(2 pi t / period)``: above 0 the light is warm, below it is
+    cold. Green is unchanged; levels above 255 become 255.
+
+    Attributes:
+        offset: The mean of s.
+        amplitude: How far it swings from the mean.
+        period: Of the swing [s].
+
+    Raises:
+        ValueError: When a gain would fall below 0.
+
+    Example:
+        >>> ColorTemperature(offset=0.2, amplitude=0.0)     # always warm
+        ColorTemperature(cameras=None, offset=0.2, amplitude=0.0, period=5.0)
+    """
+
+    offset: Finite = 0.0
+    amplitude: NonNegative = 0.3
+    period: Positive = 5.0
+
+    def __post_init__(self) -> None:
+        """Checks the least gains."""
+        if abs(self.offset) + self.amplitude > 1.0:
+            raise ValueError(
+                f"amplitude must be at most 1 - |offset|, which is {1.0 - abs(self.offset):g}, so "
+                f"that both gains stay at or above 0, not {self.amplitude:g}"
+            )
+
+    def Disturb(self, colors: Image, *, time: float, rng: np.random.Generator) -> Image:
+        """Applies the gains, see `PixelDisturbance.Disturb`."""
+        swing = CalcSwing(time, offset=self.offset, amplitude=self.amplitude, period=self.period)
+        disturbed = colors.copy()
+        disturbed[..., 0] = Amplify(colors[..., 0], 1.0 + swing)
+        disturbed[..., 2] = Amplify(colors[..., 2], 1.0 - swing)
+        return disturbed
