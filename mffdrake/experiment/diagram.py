@@ -2,37 +2,55 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pydrake.geometry import Meshcat, Role
-from pydrake.math import RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+import dataclasses as dc
+from collections.abc import Callable
+from typing import Any
+
+from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from mffdrake.experiment.cameras import MakeKnownRig, MakeMounts, MakeRig
 from mffdrake.experiment.parts import (
-    AddEncoders,
-    AddSceneRenderer,
+    AddCameras,
+    AddClutter,
+    AddControl,
+    AddStation,
+    Cameras,
+    Control,
     MakeController,
-    MakeRig,
+    MakeKnownArm,
+    SolvePath,
+    Station,
 )
 from mffdrake.experiment.scenario import Scenario
-from mffdrake.experiment.target import (
-    AddTarget,
-    CalcDesiredPose,
-    FindScenarioMesh,
-    FindTargetMesh,
-    LoadSolid,
-    WarnOutside,
-)
+from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh, LoadSolid, WarnOutside
 from mffdrake.experiment.visualization import AddMeshcat
-from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
-from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.pa10 import NUM_JOINTS, AddCameraFrames, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import AddGravityCompensation
+from mffdrake.recognition import OneStepGaTracker, Tracker
 from mffdrake.systems.predictor import MffPredictor
-from mffdrake.systems.recognizer import OneStepGaRecognizer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 
-__all__ = ["CheckScenario", "MakeHandEyeDiagram"]
+__all__ = ["CheckScenario", "HandEyeParts", "MakeHandEyeDiagram"]
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class HandEyeParts:
+    """The parts of a hand-eye diagram before it is built, for systems of one's own.
+
+    Attributes:
+        scenario: The scenario.
+        station: Arm and target.
+        control: What moves the arm.
+        cameras: What sees the target.
+        recognizer: What recognizes it.
+        predictor: The motion feedforward; None without.
+    """
+
+    scenario: Scenario
+    station: Station
+    control: Control
+    cameras: Cameras
+    recognizer: PoseRecognizer[Any]
+    predictor: MffPredictor | None
 
 
 def CheckScenario(scenario: Scenario) -> None:
@@ -42,25 +60,34 @@ def CheckScenario(scenario: Scenario) -> None:
         scenario: What to check.
 
     Raises:
-        ScenarioError: When a value is out of range or the target cannot be used.
+        ScenarioError: When parts of the scenario do not fit together, or the target cannot be used.
+        ArmError: When the arm's directives make no arm.
         UnreachablePathError: When the arm cannot follow the path.
 
     Example:
         >>> CheckScenario(Scenario(duration=1.0))
     """
-    SolveHandPath(MakePa10Plant(), scenario.hand_path.Make(), duration=scenario.duration)
-    mesh = FindScenarioMesh(scenario)
-    WarnOutside(scenario, LoadSolid(mesh, scenario), MakeRig(scenario))
+    arm = MakeKnownArm(scenario)
+    SolvePath(arm, scenario)
+    MakeController(scenario, arm)
+    WarnOutside(scenario, LoadSolid(FindScenarioMesh(scenario), scenario), MakeRig(scenario))
 
 
-def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Diagram:
+def MakeHandEyeDiagram(
+    scenario: Scenario,
+    *,
+    meshcat: Meshcat | None = None,
+    make_tracker: Callable[..., Tracker] | None = None,
+    prebuild_callback: Callable[[DiagramBuilder, HandEyeParts], None] | None = None,
+) -> Diagram:
     """Builds the whole hand-eye system.
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
     ``scene_graph``, ``render_scene``, ``stereo_camera``, ``recognizer`` and, for the method "mff",
-    ``predictor``. Where the scenario has a camera latency or encoder noise, there are a
-    ``camera_delay``, a ``geometry_poser`` and ``joint_encoders``, too. The port ``exposed_state``
-    is the state that the images show.
+    ``predictor``. Where the scenario has a camera latency, encoder errors, disturbances or clutter,
+    there are a ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
+    ``gaussian_noise_right`` or ``occluder_0``, too. The images are those that the recognizer gets,
+    and the port ``exposed_state`` is the state that the first camera's show.
     The arm's default state is at rest at the path's first pose. All systems see the state of the
     present time: the plant's ports are not sampled.
 
@@ -83,12 +110,17 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
     Args:
         scenario: What to build.
         meshcat: Where to show the scene and the estimated pose; not shown without.
+        make_tracker: Makes a pose estimator of one's own, called as
+            `TrackerParameters.make_tracker` is; the scenario's 1-step GA without.
+        prebuild_callback: Called with the builder and the parts before the diagram is built, to add
+            systems of one's own.
 
     Returns:
         The diagram, named ``hand_eye``.
 
     Raises:
-        ScenarioError: When a value is out of range or the target cannot be used.
+        ScenarioError: When parts of the scenario do not fit together, or the target cannot be used.
+        ArmError: When the arm's directives make no arm.
         UnreachablePathError: When the arm cannot follow the path.
         GraphicsUnavailableError: When this machine cannot render.
 
@@ -98,118 +130,75 @@ def MakeHandEyeDiagram(scenario: Scenario, *, meshcat: Meshcat | None = None) ->
         >>> diagram.GetSubsystemByName("recognizer").num_hypotheses
         60
     """
-    timing = scenario.timing
-    rig = MakeRig(scenario)
-    p_EC, baseline = scenario.camera.p_EC, scenario.camera.baseline
-    # The arm as the controller and the predictor know it
-    R_EC = RollPitchYaw(np.radians(scenario.predictor.hand_eye_error_deg)).ToRotationMatrix()
-    arm = MakePa10Plant(p_EC=p_EC, R_EC=R_EC, baseline=baseline)
-    path = SolveHandPath(arm, scenario.hand_path.Make(), duration=scenario.duration)
-
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=timing.control_period, use_sampled_output_ports=False),
-        builder,
-    )
-    arm_instance = AddPa10(plant)
-    AddCameraFrames(plant, p_EC=p_EC, baseline=baseline)
-    target = AddTarget(plant, scenario)
-    plant.Finalize()
-    plant.SetDefaultPositions(path.value(0.0).reshape(-1))
-    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
-
-    source = AddHandPathSource(builder, path)
-    controller = builder.AddNamedSystem("pd_controller", MakeController(scenario, arm))
-    builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    estimated_state = AddEncoders(builder, plant, scenario)
-    builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
-    builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
-    if scenario.controller.gravity_compensation:
-        AddGravityCompensation(
-            builder,
-            arm_plant=arm,
-            estimated_state=estimated_state,
-            feedforward_torque=controller.GetInputPort("feedforward_torque"),
-        )
-
-    # The plant asks its scene for contacts in every step, which brings all renderers' poses up to
-    # date. So the renderer gets a scene of its own, which is asked at frames only; and as nothing
-    # touches in the experiment, the plant's own scene does without shapes for contact.
-    render_scene = builder.AddNamedSystem("render_scene", scene_graph.Clone())
-    for geometry in scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
-        scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    exposed_state = AddDelay(
-        builder,
-        plant.get_state_output_port(),
-        latency=scenario.camera.latency,
-        initial_value=np.append(path.value(0.0), np.zeros(NUM_JOINTS)),
-        timing=timing,
-        name="camera_delay",
-    )
-    geometry_pose = plant.get_geometry_pose_output_port()
-    if scenario.camera.latency > 0.0:
-        poser = builder.AddNamedSystem("geometry_poser", GeometryPoser(plant))
-        builder.Connect(exposed_state, poser.get_input_port())
-        geometry_pose = poser.get_output_port()
-    builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
-    stereo = AddStereoCamera(
-        builder,
-        plant=plant,
-        scene_graph=render_scene,
-        rig=rig,
-        renderer=AddSceneRenderer(render_scene, scenario),
-        model_instance=arm_instance,
-    )
-    solid = LoadSolid(mesh, scenario)
-    tracker = scenario.recognizer.make_tracker(
-        solid=solid,
-        rig=rig,
+    station = AddStation(builder, scenario)
+    control = AddControl(builder, scenario, station)
+    cameras = AddCameras(builder, scenario, station)
+    tracker = (make_tracker or scenario.recognizer.make_tracker)(
+        solid=station.solid,
+        rig=MakeKnownRig(scenario),
         seed=scenario.seed,
         start_pose=CalcDesiredPose(scenario, 0.0),
     )
-    WarnOutside(scenario, solid, rig)
+    system: Any = OneStepGaRecognizer if isinstance(tracker, OneStepGaTracker) else PoseRecognizer
     recognizer = builder.AddNamedSystem(
-        "recognizer", OneStepGaRecognizer(tracker=tracker, timing=timing)
+        "recognizer", system(tracker=tracker, timing=scenario.timing)
     )
-    for name in rig.names:
-        image = f"color_image_{name}"
-        builder.Connect(stereo.GetOutputPort(image), recognizer.GetInputPort(image))
-        builder.ExportOutput(stereo.GetOutputPort(image), f"stereo_camera.{image}")
+    for name, image in cameras.images.items():
+        builder.Connect(image, recognizer.GetInputPort(f"color_image_{name}"))
+        builder.ExportOutput(image, f"stereo_camera.color_image_{name}")
+    predictor = None
     if scenario.method == "mff":
-        predictor = builder.AddNamedSystem(
-            "predictor",
-            MffPredictor(
-                plant=arm,
-                num_hypotheses=recognizer.num_hypotheses,
-                mode=scenario.predictor.mode,
-                latency=scenario.camera.latency
-                if scenario.predictor.latency is None
-                else scenario.predictor.latency,
-                gain=scenario.predictor.gain,
-                timing=timing,
-            ),
+        predictor = _MakePredictor(scenario, station, tracker.num_hypotheses)
+        builder.AddNamedSystem("predictor", predictor)
+        builder.Connect(control.estimated_state, predictor.GetInputPort("estimated_state"))
+        builder.Connect(
+            recognizer.GetOutputPort("population"), predictor.GetInputPort("population")
         )
-        builder.Connect(estimated_state, predictor.GetInputPort("estimated_state"))
-        for output, system in (("population", recognizer), ("predicted_population", predictor)):
-            receiver = predictor if system is recognizer else recognizer
-            builder.Connect(system.GetOutputPort(output), receiver.GetInputPort(output))
-
+        builder.Connect(
+            predictor.GetOutputPort("predicted_population"),
+            recognizer.GetInputPort("predicted_population"),
+        )
+    WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:
+        AddClutter(builder, station.scene_graph, scenario, station.solid)
         AddMeshcat(
             builder,
             meshcat=meshcat,
-            plant=plant,
-            scene_graph=scene_graph,
+            plant=station.plant,
+            scene_graph=station.scene_graph,
             estimate=recognizer.GetOutputPort("X_CM"),
-            mesh=mesh,
+            mesh=station.mesh,
+            camera_frame=station.plant.GetFrameByName(
+                MakeMounts(scenario)[0].frame_name, station.arm
+            ),
         )
-    builder.ExportOutput(plant.get_state_output_port(), "state")
-    builder.ExportOutput(exposed_state, "exposed_state")
-    builder.ExportOutput(source.get_output_port(), "desired_state")
-    builder.ExportOutput(controller.GetOutputPort("actuation"), "actuation")
+    builder.ExportOutput(station.plant.get_state_output_port(), "state")
+    builder.ExportOutput(cameras.exposed_state, "exposed_state")
+    builder.ExportOutput(control.desired_state, "desired_state")
+    builder.ExportOutput(control.actuation, "actuation")
     for name in ("pose", "X_CM", "fitness", "population"):
         builder.ExportOutput(recognizer.GetOutputPort(name), f"recognizer.{name}")
-    builder.ExportOutput(render_scene.get_query_output_port(), "query_object")
+    builder.ExportOutput(cameras.query_object, "query_object")
+    if prebuild_callback is not None:
+        parts = HandEyeParts(
+            scenario=scenario, station=station, control=control, cameras=cameras,
+            recognizer=recognizer, predictor=predictor,
+        )  # fmt: skip
+        prebuild_callback(builder, parts)
     diagram = builder.Build()
     diagram.set_name("hand_eye")
     return diagram
+
+
+def _MakePredictor(scenario: Scenario, station: Station, num_hypotheses: int) -> MffPredictor:
+    config, reference = scenario.predictor, MakeMounts(scenario)[0]
+    return MffPredictor(
+        plant=station.known_arm,
+        camera_frame=reference.frame_name,
+        num_hypotheses=num_hypotheses,
+        mode=config.mode,
+        latency=reference.latency if config.latency is None else config.latency,
+        gain=config.gain,
+        timing=scenario.timing,
+    )

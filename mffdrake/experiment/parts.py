@@ -1,43 +1,218 @@
-"""Makes the parts of the hand-eye system that a scenario describes."""
+"""The parts of the hand-eye system that a scenario describes, group by group."""
 
 from __future__ import annotations
 
+import colorsys
+import dataclasses as dc
 import math
+from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import Role, SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.trajectories import PiecewisePolynomial
 
+from mffdrake.experiment.cameras import AddFrames, CalcKnownX_EC, MakeMounts, MakeRig
 from mffdrake.experiment.scenario import Scenario, ScenarioError
-from mffdrake.recognition import CameraRig
+from mffdrake.experiment.target import AddTarget, FindTargetMesh, LoadSolid
+from mffdrake.recognition import CameraRig, SolidModel
+from mffdrake.systems.arm import MovingJoints
+from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
+from mffdrake.systems.camera_frames import AddCameraFrame
+from mffdrake.systems.disturbances import AddDisturbances
 from mffdrake.systems.graphics import GraphicsUnavailableError
+from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
 from mffdrake.systems.joint_encoders import JointEncoders
-from mffdrake.systems.pd_controller import PD_GAINS, PdController, PdGains
+from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
 from mffdrake.systems.renderers import AddRenderer
+from mffdrake.systems.stereo_camera import AddStereoCamera
 
-__all__ = ["AddEncoders", "AddSceneRenderer", "MakeController", "MakeRig"]
+__all__ = [
+    "AddCameras",
+    "AddClutter",
+    "AddControl",
+    "AddStation",
+    "Cameras",
+    "Control",
+    "MakeController",
+    "MakeKnownArm",
+    "SolvePath",
+    "Station",
+]
 
 
-def MakeRig(scenario: Scenario) -> CameraRig:
-    """The geometry of the scenario's stereo camera."""
-    config = scenario.camera
-    return CameraRig.stereo(
-        width=config.width,
-        height=config.height,
-        fov_y=np.radians(config.fov_y_deg),
-        baseline=config.baseline,
+@dc.dataclass(frozen=True, kw_only=True)
+class Station:
+    """The arm with its cameras' frames, and the target.
+
+    Attributes:
+        plant: Arm and target.
+        scene_graph: Their shapes, as Meshcat shows them.
+        arm: The arm's model instance.
+        known_arm: A plant with the arm alone, as the controller and the feedforward know it, and
+            the frame of the first camera.
+        path: The arm's desired joint motion.
+        mesh: The target's mesh file.
+        solid: The target's colored solid.
+    """
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    arm: ModelInstanceIndex
+    known_arm: MultibodyPlant
+    path: PiecewisePolynomial
+    mesh: Path
+    solid: SolidModel
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class Control:
+    """What the arm is to do and does, each with the joints' positions first.
+
+    Attributes:
+        desired_state: The path's state.
+        estimated_state: The arm's state as the encoders read it.
+        actuation: The torques [N m].
+    """
+
+    desired_state: OutputPort
+    estimated_state: OutputPort
+    actuation: OutputPort
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class Cameras:
+    """What the cameras see.
+
+    Attributes:
+        rig: The cameras as they are.
+        images: The images as the recognizer gets them, by the cameras' names.
+        exposed_state: The plant's state that the first camera's images show.
+        query_object: The scene that the first camera sees.
+    """
+
+    rig: CameraRig
+    images: dict[str, OutputPort]
+    exposed_state: OutputPort
+    query_object: OutputPort
+
+
+def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Station:
+    """Adds the plant with the arm, at rest at the path's first pose, and the target."""
+    known_arm = MakeKnownArm(scenario)
+    path = SolvePath(known_arm, scenario)
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=scenario.timing.control_period, use_sampled_output_ports=False
+        ),
+        builder,
+    )
+    arm = scenario.arm.AddToPlant(plant)
+    AddFrames(plant, arm, scenario)
+    target = AddTarget(plant, scenario)
+    plant.Finalize()
+    plant.SetDefaultPositions(path.value(0.0).reshape(-1))
+    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    return Station(
+        plant=plant, scene_graph=scene_graph, arm=arm, known_arm=known_arm, path=path,
+        mesh=mesh, solid=LoadSolid(mesh, scenario),
+    )  # fmt: skip
+
+
+def MakeKnownArm(scenario: Scenario) -> MultibodyPlant:
+    """The arm as the controller and the feedforward know it, with the first camera's frame."""
+    plant = scenario.arm.MakePlant()
+    hand = plant.GetFrameByName(
+        scenario.arm.hand_frame, plant.GetModelInstanceByName(scenario.arm.model)
+    )
+    name = MakeMounts(scenario)[0].frame_name
+    AddCameraFrame(plant, name=name, parent=hand, X_PC=CalcKnownX_EC(scenario))
+    plant.Finalize()
+    return plant
+
+
+def SolvePath(arm: MultibodyPlant, scenario: Scenario) -> PiecewisePolynomial:
+    """The joint motion along which the hand follows the scenario's path."""
+    return SolveHandPath(
+        arm,
+        scenario.hand_path.Make(),
+        duration=scenario.duration,
+        frame_name=scenario.arm.hand_frame,
+        model_instance=arm.GetModelInstanceByName(scenario.arm.model),
+        nominal=scenario.arm.nominal_positions,
+        held_joints=scenario.arm.held_joints,
     )
 
 
-def AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> OutputPort:
+def AddControl(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Control:
+    """Adds the path, the joint encoders and the PD controller, connected to the arm."""
+    plant = station.plant
+    source = AddHandPathSource(builder, station.path)
+    controller = builder.AddNamedSystem(
+        "pd_controller", MakeController(scenario, station.known_arm)
+    )
+    estimated_state = _AddEncoders(builder, plant, scenario)
+    builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
+    builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
+    builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
+    if scenario.controller.gravity_compensation:
+        AddGravityCompensation(
+            builder,
+            arm_plant=station.known_arm,
+            estimated_state=estimated_state,
+            feedforward_torque=controller.GetInputPort("feedforward_torque"),
+        )
+    return Control(
+        desired_state=source.get_output_port(),
+        estimated_state=estimated_state,
+        actuation=controller.GetOutputPort("actuation"),
+    )
+
+
+def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
+    """The scenario's controller, with the effort limits of the arm's model.
+
+    Raises:
+        ScenarioError: When there is not one gain for each joint.
+    """
+    config = scenario.controller
+    preset: PdGains = PD_GAINS[config.gains]
+    gains = {"kp": config.kp or preset.kp, "kd": config.kd or preset.kd}
+    instance = arm.GetModelInstanceByName(scenario.arm.model)
+    joints = [joint.name() for joint in MovingJoints(arm, instance)]
+    for name, values in gains.items():
+        if len(values) != len(joints):
+            raise ScenarioError(
+                f"controller.{name} must be a list of {len(joints)} numbers, one for each of "
+                f"{', '.join(joints)}, not {list(values)}"
+            )
+    return PdController(
+        kp=gains["kp"],
+        kd=gains["kd"],
+        effort_limit=arm.GetEffortUpperLimits(),
+        timing=scenario.timing,
+    )
+
+
+def _AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> OutputPort:
     """The port with the arm's state as it is read; free of error, that is the plant's own."""
-    if scenario.encoders.noise_deg == 0.0:
+    config, num_joints = scenario.encoders, plant.num_positions()
+    if config.noise_deg == 0.0 and config.resolution_deg == 0.0 and not any(config.offset_deg):
         return plant.get_state_output_port()
+    if len(config.offset_deg) not in (0, num_joints):
+        raise ScenarioError(
+            f"encoders.offset_deg must be a list of {num_joints} numbers, one a joint, or empty, "
+            f"not {list(config.offset_deg)}"
+        )
     encoders = builder.AddNamedSystem(
         "joint_encoders",
         JointEncoders(
-            noise=math.radians(scenario.encoders.noise_deg),
+            num_joints=num_joints,
+            noise=math.radians(config.noise_deg),
+            offset=np.radians(config.offset_deg) if config.offset_deg else 0.0,
+            resolution=math.radians(config.resolution_deg),
             seed=scenario.seed,
             timing=scenario.timing,
         ),
@@ -46,7 +221,88 @@ def AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenar
     return encoders.get_output_port()
 
 
-def AddSceneRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
+def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Cameras:
+    """Adds the cameras, their latencies and disturbances, and the scenes that they see.
+
+    The plant asks its scene for contacts in every step, which brings all renderers' poses up to
+    date. So cameras get a scene of their own, which is asked at frames only, one for each latency;
+    and as nothing touches in the experiment, the plant's own scene does without shapes for contact.
+    """
+    plant, mounts = station.plant, MakeMounts(scenario)
+    rest = np.append(station.path.value(0.0), np.zeros(plant.num_velocities()))
+    images: dict[str, OutputPort] = {}
+    exposed: list[OutputPort] = []
+    queries: list[OutputPort] = []
+    latencies = list(dict.fromkeys(mount.latency for mount in mounts))
+    scenes = [station.scene_graph.Clone() for _ in latencies]
+    for geometry in station.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
+        station.scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    for latency, scene in zip(latencies, scenes, strict=True):
+        cameras = tuple(mount.camera for mount in mounts if mount.latency == latency)
+        suffix = f"_{cameras[0].name}" if exposed else ""
+        render_scene = builder.AddNamedSystem(f"render_scene{suffix}", scene)
+        state = AddDelay(
+            builder,
+            plant.get_state_output_port(),
+            latency=latency,
+            initial_value=rest,
+            timing=scenario.timing,
+            name=f"camera_delay{suffix}",
+        )
+        geometry_pose = plant.get_geometry_pose_output_port()
+        if latency > 0.0:
+            poser = builder.AddNamedSystem(f"geometry_poser{suffix}", GeometryPoser(plant))
+            builder.Connect(state, poser.get_input_port())
+            geometry_pose = poser.get_output_port()
+        builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
+        AddClutter(builder, render_scene, scenario, station.solid, latency=latency)
+        sensors = AddStereoCamera(
+            builder,
+            plant=plant,
+            scene_graph=render_scene,
+            rig=CameraRig(cameras),
+            renderer=_AddRenderer(render_scene, scenario),
+            model_instance=station.arm,
+            name=f"stereo_camera{suffix}",
+        )
+        for camera in cameras:
+            images[camera.name] = sensors.GetOutputPort(f"color_image_{camera.name}")
+        exposed.append(state)
+        queries.append(render_scene.get_query_output_port())
+    rig = MakeRig(scenario)
+    ordered = {name: images[name] for name in rig.names}
+    try:
+        disturbed = AddDisturbances(
+            builder, ordered, scenario.disturbances, seed=scenario.seed, timing=scenario.timing
+        )
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
+    return Cameras(rig=rig, images=disturbed, exposed_state=exposed[0], query_object=queries[0])
+
+
+def AddClutter(
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    solid: SolidModel,
+    *,
+    latency: float = 0.0,
+) -> None:
+    """Adds what moves in a scene beside the target, as it was a latency [s] ago."""
+    hues = list(dict.fromkeys(solid.hues.tolist()))
+    for index, clutter in enumerate(scenario.clutter):
+        clutter.AddToScene(
+            builder,
+            scene_graph,
+            X_WT=scenario.target.X_WM.GetDeterministicValue(),
+            colors=[colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 1.0, 1.0) for hue in hues],
+            index=index,
+            seed=scenario.seed,
+            latency=latency,
+        )
+
+
+def _AddRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
     """Adds the renderer, which is when the target's mesh is read for drawing."""
     try:
         return AddRenderer(scene_graph, scenario.renderer)
@@ -57,15 +313,3 @@ def AddSceneRenderer(scene_graph: SceneGraph, scenario: Scenario) -> str:
         raise ScenarioError(
             f"target.model '{scenario.target.model}' cannot be drawn: {reason}"
         ) from error
-
-
-def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
-    """The scenario's controller, with the effort limits of the arm's model."""
-    config = scenario.controller
-    preset: PdGains = PD_GAINS[config.gains]
-    return PdController(
-        kp=preset.kp if config.kp is None else config.kp,
-        kd=preset.kd if config.kd is None else config.kd,
-        effort_limit=arm.GetEffortUpperLimits(),
-        timing=scenario.timing,
-    )

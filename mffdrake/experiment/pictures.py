@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.sensors import CameraInfo
 
+from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.outline import DrawViews
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.experiment.target import FindScenarioMesh, LoadSolid
 from mffdrake.recognition import Camera
-from mffdrake.systems.pa10 import ARM_NAME
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
 
@@ -30,7 +32,12 @@ _VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
 def DrawCameraView(
-    diagram: Diagram, scenario: Scenario, result: SimulationResult, frame: int = -1
+    diagram: Diagram,
+    scenario: Scenario,
+    result: SimulationResult,
+    frame: int = -1,
+    *,
+    images: Sequence[NDArray[np.uint8]] | None = None,
 ) -> NDArray[np.uint8]:
     """Both cameras' images at a frame, with the recognized pose's outline over them.
 
@@ -39,17 +46,20 @@ def DrawCameraView(
         scenario: The scenario.
         result: Its record.
         frame: Which frame; the last by default.
+        images: What the cameras saw then; drawn anew without, where late and lost images are not.
 
     Returns:
         An RGB image, the left camera's on the left, shape (height, 2 width, 3); see `DrawViews`.
     """
-    context = _ContextOfFrame(diagram, result, frame)
-    matcher = diagram.GetSubsystemByName("recognizer").tracker.matcher
-    images = [
-        diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data.copy()
-        for name in matcher.rig.names
-    ]
-    return DrawViews(images, result.recognized_pose[frame], matcher.solid, matcher.rig)
+    rig = diagram.GetSubsystemByName("recognizer").tracker.rig
+    if images is None:
+        context = _ContextOfFrame(diagram, result, frame)
+        images = [
+            diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data.copy()
+            for name in rig.names
+        ]
+    solid = LoadSolid(FindScenarioMesh(scenario), scenario)
+    return DrawViews(images, result.recognized_pose[frame], solid, rig)
 
 
 def DrawScene(
@@ -72,6 +82,7 @@ def DrawScene(
     Returns:
         An RGB image, shape (height, width, 3).
     """
+    scenario = LoadScenario(text=result.scenario)
     context = _ContextOfFrame(diagram, result, frame)
     scene_graph = diagram.GetSubsystemByName("scene_graph")
     query = diagram.GetOutputPort("query_object").Eval(context)
@@ -81,7 +92,7 @@ def DrawScene(
     X_WV = RigidTransform(RotationMatrix(axes / np.linalg.norm(axes, axis=0)), list(_EYE))
     intrinsics = CameraInfo(width, height, _FOV_Y)
     core = RenderCameraCore(
-        LoadScenario(text=result.scenario).renderer,
+        scenario.renderer,
         intrinsics,
         ClippingRange(0.05, 20.0),
         RigidTransform(),
@@ -92,10 +103,10 @@ def DrawScene(
     image = rendered.data[:, :, :3].copy()
     plant = diagram.GetSubsystemByName("plant")
     plant_context = plant.GetMyContextFromRoot(context)
-    arm = plant.GetModelInstanceByName(ARM_NAME)
-    for camera in diagram.GetSubsystemByName("recognizer").tracker.matcher.rig.cameras:
-        X_WK = plant.GetFrameByName(f"camera_{camera.name}", arm).CalcPoseInWorld(plant_context)
-        _DrawViewingPyramid(image, camera, X_WV.InvertAndCompose(X_WK), intrinsics)
+    arm = plant.GetModelInstanceByName(scenario.arm.model)
+    for mount in MakeMounts(scenario):
+        X_WK = plant.GetFrameByName(mount.frame_name, arm).CalcPoseInWorld(plant_context)
+        _DrawViewingPyramid(image, mount.camera, X_WV.InvertAndCompose(X_WK), intrinsics)
     return image
 
 
@@ -157,6 +168,7 @@ def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
 def _ContextOfFrame(diagram: Diagram, result: SimulationResult, frame: int) -> Context:
     """A context with the arm where it was at a frame."""
     context = diagram.CreateDefaultContext()
+    context.SetTime(result.time[frame])
     plant = diagram.GetSubsystemByName("plant")
     state = np.append(result.joint_positions[frame], result.joint_velocities[frame])
     plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(context), state)

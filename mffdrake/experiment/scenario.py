@@ -8,14 +8,20 @@ import json
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
+from annotated_types import MinLen
+
+from mffdrake.experiment.camera_sections import (
+    CalibrationConfig,
+    HandCameraConfig,
+    StereoCameraConfig,
+)
 from mffdrake.experiment.scenario_sections import (
     ControllerConfig,
     EncodersConfig,
     HandPathConfig,
     PredictorConfig,
-    StereoCameraConfig,
     TargetConfig,
 )
 from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml, ScenarioError
@@ -29,6 +35,9 @@ from mffdrake.recognition.parameters import (
     plain,
     read_parameters,
 )
+from mffdrake.systems.arm import ArmModel
+from mffdrake.systems.clutter import Clutter
+from mffdrake.systems.disturbances import Disturbance
 from mffdrake.systems.timing import Timing
 
 __all__ = ["METHODS", "Change", "LoadRecognizer", "LoadScenario", "Scenario", "ScenarioError"]
@@ -46,7 +55,13 @@ class Scenario:
     Attributes:
         hand_path: The hand's desired path.
         controller: The PD controller.
+        arm: The arm.
         camera: The stereo camera.
+        cameras: Any cameras in the stereo camera's place, the first one the reference; null for
+            the stereo camera.
+        calibration: Errors of the cameras as the recognizer knows them.
+        disturbances: What disturbs the images, the first one nearest to the cameras.
+        clutter: What moves in the scene beside the target.
         encoders: The joint encoders.
         target: The object to recognize.
         recognizer: The recognizer.
@@ -68,7 +83,12 @@ class Scenario:
 
     hand_path: HandPathConfig = dc.field(default_factory=HandPathConfig)
     controller: ControllerConfig = dc.field(default_factory=ControllerConfig)
+    arm: ArmModel = dc.field(default_factory=ArmModel)
     camera: StereoCameraConfig = dc.field(default_factory=StereoCameraConfig)
+    cameras: Annotated[tuple[HandCameraConfig, ...], MinLen(1)] | None = None
+    calibration: CalibrationConfig = dc.field(default_factory=CalibrationConfig)
+    disturbances: tuple[Disturbance, ...] = ()
+    clutter: tuple[Clutter, ...] = ()
     encoders: EncodersConfig = dc.field(default_factory=EncodersConfig)
     target: TargetConfig = dc.field(default_factory=TargetConfig)
     recognizer: TrackerParameters = dc.field(default_factory=TrackerParameters)
@@ -86,8 +106,13 @@ class Scenario:
             raise ValueError(
                 f"duration must be at least timing.control_period ({tick} s), not {self.duration}"
             )
+        cameras = self.cameras or ()
+        names = [camera.name for camera in cameras]
+        if len(set(names)) < len(names):
+            raise ValueError(f"cameras must have different names, not {', '.join(names)}")
         for section, latency in (
             ("camera", self.camera.latency),
+            *((f"cameras[{k}]", camera.latency) for k, camera in enumerate(cameras)),
             ("predictor", self.predictor.latency or 0.0),
         ):
             try:

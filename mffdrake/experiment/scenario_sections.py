@@ -6,10 +6,9 @@ import dataclasses as dc
 import math
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Lt
 
 from mffdrake.recognition.parameters import (
-    Count,
     Finite,
     NonNegative,
     Positive,
@@ -17,7 +16,6 @@ from mffdrake.recognition.parameters import (
     parameters,
 )
 from mffdrake.systems.hand_path import HandPath
-from mffdrake.systems.pa10 import DEFAULT_BASELINE, DEFAULT_P_EC
 from mffdrake.systems.transforms import Pose, RpyDeg
 
 __all__ = [
@@ -25,7 +23,6 @@ __all__ = [
     "EncodersConfig",
     "HandPathConfig",
     "PredictorConfig",
-    "StereoCameraConfig",
     "TargetConfig",
 ]
 
@@ -79,35 +76,18 @@ class ControllerConfig:
 
 
 @parameters
-class StereoCameraConfig:
-    """The stereo camera on the hand.
-
-    Attributes:
-        width: Image width [px].
-        height: Image height [px].
-        fov_y_deg: Vertical field of view [deg].
-        baseline: Distance between the cameras [m].
-        p_EC: The right camera's position in the hand's frame [m].
-        latency: Age of the images when they arrive [s], a whole multiple of the control period.
-    """
-
-    width: Count = 640
-    height: Count = 480
-    fov_y_deg: Annotated[float, Gt(0), Lt(180)] = 45.0
-    baseline: Positive = DEFAULT_BASELINE
-    p_EC: Vector3 = DEFAULT_P_EC
-    latency: NonNegative = 0.0
-
-
-@parameters
 class EncodersConfig:
     """The joint encoders, which the controller and the motion feedforward read.
 
     Attributes:
         noise_deg: Standard deviation of a joint angle's error, another one every tick [deg].
+        offset_deg: Constant error of each joint angle, one number a joint [deg]; empty for none.
+        resolution_deg: Step of the joint angles that can be read [deg]; 0 for no rounding.
     """
 
     noise_deg: NonNegative = 0.0
+    offset_deg: tuple[Finite, ...] = ()
+    resolution_deg: NonNegative = 0.0
 
 
 @parameters
@@ -133,9 +113,11 @@ class PredictorConfig:
         gain: Share of the predicted motion that is applied.
         hand_eye_error_deg: Roll, pitch and yaw by which the cameras' orientation on the hand, as it
             is known, differs from the true one [deg].
+        hand_eye_error: The same of their position, along the first camera's axes [m].
     """
 
     mode: Literal["rigid", "velocity"] = "rigid"
     latency: NonNegative | None = None
     gain: Finite = 1.0
     hand_eye_error_deg: Vector3 = (0.0, 0.0, 0.0)
+    hand_eye_error: Vector3 = (0.0, 0.0, 0.0)

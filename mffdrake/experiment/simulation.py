@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, System
 
+from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.pa10 import ARM_NAME, NUM_JOINTS
 
 __all__ = ["Simulate", "SimulationResult"]
 
@@ -32,14 +32,14 @@ class SimulationResult:
     Attributes:
         scenario: The scenario as YAML.
         time: Time of each frame [s], shape (K,).
-        true_pose: Target's pose vector ``(r [m], eps)`` in the right camera C when the frame's
+        true_pose: Target's pose vector ``(r [m], eps)`` in the first camera C when the frame's
             images were exposed, shape (K, 6).
         recognized_pose: The pose recognized from that frame's images, shape (K, 6).
         fitness: Its fitness, 0 to 1, shape (K,).
         desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
         actual_hand_pose: The same of the actual hand, shape (K, 6).
-        joint_positions: Arm's joint angles [rad], shape (K, 7).
-        joint_velocities: Their rates [rad/s], shape (K, 7).
+        joint_positions: Arm's n joint angles [rad], shape (K, n).
+        joint_velocities: Their rates [rad/s], shape (K, n).
         stages_ms: Mean wall time a frame of the stages "render", "recognition", "prediction" and
             "total" (which includes the dynamics and the control of one frame) [ms].
         wall_s: Wall time of the simulation [s], without building the diagram and loading the
@@ -184,7 +184,7 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
     tracker = diagram.GetSubsystemByName("recognizer").tracker
     images = [
         diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data
-        for name in tracker.matcher.rig.names
+        for name in tracker.rig.names
     ]
     tracker.track(tracker.start_population(images), images, frame=1)
 
@@ -202,9 +202,11 @@ class _Recorder:
         self._context = context
         self._plant = diagram.GetSubsystemByName("plant")
         self._plant_context = self._plant.GetMyContextFromRoot(context)
-        arm = self._plant.GetModelInstanceByName(ARM_NAME)
-        self._hand = self._plant.GetFrameByName("hand", arm)
-        self._camera = self._plant.GetFrameByName("camera_right", arm)
+        arm = self._plant.GetModelInstanceByName(scenario.arm.model)
+        self._hand = self._plant.GetFrameByName(scenario.arm.hand_frame, arm)
+        reference = MakeMounts(scenario)[0]
+        self._camera = self._plant.GetFrameByName(reference.frame_name, arm)
+        self._num_joints = self._plant.num_positions()
         # What the images show, with a delayed camera, is posed apart.
         self._exposed_state = diagram.GetOutputPort("exposed_state")
         self._exposed_context = self._plant.CreateDefaultContext()
@@ -215,7 +217,7 @@ class _Recorder:
         self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
         self._image_ports = [
             diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
-            for name in self._recognizer.tracker.matcher.rig.names
+            for name in self._recognizer.tracker.rig.names
         ]
         self._diagram_context = context
         self._predicted = None
@@ -247,12 +249,12 @@ class _Recorder:
         state = self._plant.get_state_output_port().Eval(self._plant_context)
         X_WE = self._hand.CalcPoseInWorld(self._plant_context)
         exposed = self._exposed_state.Eval(self._diagram_context)
-        self._plant.SetPositions(self._exposed_context, exposed[:NUM_JOINTS])
+        self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
         X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
         for name, value in (
             ("time", frame_time),
-            ("joint_positions", state[:NUM_JOINTS]),
-            ("joint_velocities", state[NUM_JOINTS : 2 * NUM_JOINTS]),
+            ("joint_positions", state[: self._num_joints]),
+            ("joint_velocities", state[self._num_joints :]),
             ("true_pose", X_WC.InvertAndCompose(self._X_WM).GetAsMatrix34()),
             ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
             (

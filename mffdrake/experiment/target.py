@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Mesh, Role, SceneGraph
-from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import Body
 from pydrake.systems.framework import DiagramBuilder
 
+from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
@@ -149,7 +149,7 @@ def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
 
 
 def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
-    """The target's pose in the right camera when the hand is where the path wants it.
+    """The target's pose in the first camera when the hand is where the path wants it.
 
     Args:
         scenario: The scenario.
@@ -158,7 +158,7 @@ def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
     Returns:
         The pose vector, shape (6,).
     """
-    X_WC = scenario.hand_path.Make().CalcHandPose(time) @ RigidTransform(scenario.camera.p_EC)
+    X_WC = scenario.hand_path.Make().CalcHandPose(time) @ MakeMounts(scenario)[0].X_EK
     X_CM = X_WC.InvertAndCompose(scenario.target.X_WM.GetDeterministicValue())
     return pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
 

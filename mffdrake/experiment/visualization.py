@@ -17,10 +17,10 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
 from mffdrake.experiment.files import WholeFile
-from mffdrake.systems.pa10 import ARM_NAME
 
 __all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveReplay"]
 
@@ -41,14 +41,14 @@ class PoseEstimateVisualizer(LeafSystem):
         - state
 
     Ports:
-        X_CM: The estimated pose in the right camera, a RigidTransform.
+        X_CM: The estimated pose in the camera, a RigidTransform.
         state: State of the plant, which tells where the camera is.
 
     Args:
         meshcat: Where to show it, below the path "estimate".
-        plant: The plant with the arm and its camera frames.
+        plant: The plant with the camera.
         mesh: The target's mesh file.
-        camera_frame: Name of the arm's right camera frame C.
+        camera_frame: The camera's frame C in the plant; by default the one named ``camera_right``.
     """
 
     def __init__(
@@ -57,12 +57,12 @@ class PoseEstimateVisualizer(LeafSystem):
         meshcat: Meshcat,
         plant: MultibodyPlant,
         mesh: Path,
-        camera_frame: str = "camera_right",
+        camera_frame: Frame | None = None,
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
         self._plant = plant
-        self._frame = plant.GetFrameByName(camera_frame, plant.GetModelInstanceByName(ARM_NAME))
+        self._frame = camera_frame or plant.GetFrameByName("camera_right")
         self._kinematics = plant.CreateDefaultContext()  # Scratch space, written before every use.
         self._estimate = self.DeclareAbstractInputPort("X_CM", AbstractValue.Make(RigidTransform()))
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
@@ -99,6 +99,7 @@ def AddMeshcat(
     scene_graph: SceneGraph,
     estimate: OutputPort,
     mesh: Path,
+    camera_frame: Frame | None = None,
 ) -> None:
     """Adds the scene and the estimated pose to Meshcat.
 
@@ -109,12 +110,13 @@ def AddMeshcat(
         scene_graph: The scene.
         estimate: The estimated pose's port, a RigidTransform X_CM.
         mesh: The target's mesh file.
+        camera_frame: See `PoseEstimateVisualizer`.
     """
     params = MeshcatVisualizerParams(publish_period=_PUBLISH_PERIOD)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     ghost = builder.AddNamedSystem(
         "pose_estimate_visualizer",
-        PoseEstimateVisualizer(meshcat=meshcat, plant=plant, mesh=mesh),
+        PoseEstimateVisualizer(meshcat=meshcat, plant=plant, mesh=mesh, camera_frame=camera_frame),
     )
     builder.Connect(estimate, ghost.GetInputPort("X_CM"))
     builder.Connect(plant.get_state_output_port(), ghost.GetInputPort("state"))

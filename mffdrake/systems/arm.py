@@ -315,7 +315,7 @@ def _WithUri(directive: Mapping[str, Any]) -> dict[str, Any]:
     """A directive with the path of its file, if it has one, as Drake's parser takes it."""
     changed = dict(directive)
     for kind in ("add_model", "add_directives"):
-        options = changed.get(kind)
+        options: Any = changed.get(kind)
         file = options.get("file") if isinstance(options, dict) else None
         if isinstance(file, str) and file and "://" not in file:
             changed[kind] = {**options, "file": f"file://{Path(file).expanduser().absolute()}"}

@@ -38,10 +38,11 @@ def AddStereoCamera(
     renderer: str,
     frames: Mapping[str, str] | None = None,
     model_instance: ModelInstanceIndex | None = None,
+    name: str = "stereo_camera",
 ) -> Diagram:
     """Adds an RgbdSensor for each camera of a rig on the plant's frames, connected to the scene.
 
-    The result is one Diagram, ``stereo_camera``. Its images are rendered only when they are read,
+    The result is one Diagram. Its images are rendered only when they are read,
     each at most once at a time. Behind the sensor of a camera with a distortion stands a
     `LensDistortion`, ``lens_...``, and the sensor itself is a pinhole that sees all that is needed.
 
@@ -65,6 +66,7 @@ def AddStereoCamera(
             sight), by default ``camera_...``, where one is not named.
         model_instance: The model that the frames belong to, where other models of the plant have
             frames of the same names.
+        name: The diagram's name.
 
     Returns:
         The cameras.
@@ -76,8 +78,8 @@ def AddStereoCamera(
     if not scene_graph.HasRenderer(renderer):
         raise ValueError(f"the scene has no renderer '{renderer}'; add it with AddRenderer")
     where = () if model_instance is None else (model_instance,)
-    names = {name: f"camera_{name}" for name in rig.names} | dict(frames or {})
-    placed = [plant.GetFrameByName(names[name], *where) for name in rig.names]
+    names = {camera: f"camera_{camera}" for camera in rig.names} | dict(frames or {})
+    placed = [plant.GetFrameByName(names[camera], *where) for camera in rig.names]
     _CheckPlaces(plant, placed, rig)
     pair = DiagramBuilder()
     sensors = []
@@ -104,7 +106,7 @@ def AddStereoCamera(
     for sensor in sensors[1:]:
         pair.ConnectInput(query, sensor.query_object_input_port())
     diagram = pair.Build()
-    diagram.set_name("stereo_camera")
+    diagram.set_name(name)
     builder.AddSystem(diagram)
     builder.Connect(scene_graph.get_query_output_port(), diagram.GetInputPort("geometry_query"))
     return diagram

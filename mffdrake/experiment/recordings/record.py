@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 
+from mffdrake.experiment.cameras import MakeRig
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
-from mffdrake.experiment.parts import MakeRig
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.recordings.image_files import RemoveNumbered
 from mffdrake.experiment.recordings.rig_file import DumpRig
@@ -64,7 +64,7 @@ def Record(
     # First, as it may fail, and the simulation may take long.
     _CopyMesh(FindScenarioMesh(scenario), folder)
     diagram = MakeHandEyeDiagram(scenario)
-    rig = diagram.GetSubsystemByName("recognizer").tracker.matcher.rig
+    rig = diagram.GetSubsystemByName("recognizer").tracker.rig
     for name in rig.names:
         (folder / "images" / name).mkdir(parents=True, exist_ok=True)
     displacements: list[RigidTransform] = []

@@ -38,6 +38,7 @@ class SceneClutter:
         colors: Sequence[Color],
         index: int,
         seed: int,
+        latency: float = 0.0,
     ) -> MovingShapes:
         """Adds the things to a scene.
 
@@ -51,6 +52,7 @@ class SceneClutter:
             colors: The target's colors.
             index: Position in the list of clutter, from 0. It keeps random numbers apart.
             seed: Of the random numbers, at least 0.
+            latency: So much earlier is what the scene shows [s], as for late cameras.
 
         Returns:
             The system that moves the things.
@@ -64,7 +66,7 @@ class SceneClutter:
             builder,
             scene_graph,
             shapes,
-            lambda time: [X_WT @ RigidTransform(p_TG) for p_TG in positions(time)],
+            lambda time: [X_WT @ RigidTransform(p_TG) for p_TG in positions(time - latency)],
             name=name,
         )
 
