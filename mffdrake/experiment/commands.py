@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -41,6 +42,7 @@ from mffdrake.experiment.recordings.tracking import RecordingError
 from mffdrake.experiment.recordings.trajectory import TrajectoryError
 from mffdrake.experiment.reproduce_command import RunReproduce
 from mffdrake.experiment.scenario import Change, LoadScenario, Scenario
+from mffdrake.experiment.scenario_docs import DescribeDefaults, MakeSchema
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.experiment.store import StoreError
 from mffdrake.experiment.sweep import OtherCodeError
@@ -49,6 +51,7 @@ from mffdrake.experiment.track_command import RunTrack
 from mffdrake.experiment.visualization import SaveReplay
 from mffdrake.recognition import ParameterError
 from mffdrake.recognition.calibration import CalibrationError
+from mffdrake.systems.arm import ArmError
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 
@@ -56,12 +59,26 @@ __all__ = ["RunCommand", "UserError"]
 
 
 _USER_ERRORS = (
-    ParameterError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
+    ParameterError, ArmError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
     StoreError, OtherCodeError, ArgumentsError, CalibrationError, ColorFileError,
     ImageSourceError, RecordingError, RigError, TrajectoryError,
 )  # fmt: skip
 
-_OWN_COMMANDS = {"sweep": RunSweep, "track": RunTrack, "colors": RunColors}
+
+def _PrintDefaults(options: argparse.Namespace) -> int:
+    print(DescribeDefaults(), end="")
+    return 0
+
+
+def _PrintSchema(options: argparse.Namespace) -> int:
+    print(json.dumps(MakeSchema(), indent=2))
+    return 0
+
+
+_OWN_COMMANDS = {
+    "sweep": RunSweep, "track": RunTrack, "colors": RunColors,
+    "defaults": _PrintDefaults, "schema": _PrintSchema,
+}  # fmt: skip
 """Those that read no scenario, or one in a way of their own."""
 
 

@@ -71,7 +71,7 @@ def _MakeParser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         dest="command",
         required=True,
-        metavar="run|compare|sweep|reproduce|track|colors|record",
+        metavar="run|compare|sweep|reproduce|track|colors|record|defaults|schema",
     )
     run = commands.add_parser("run", parents=pictures, help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
@@ -132,6 +132,8 @@ def _MakeParser() -> argparse.ArgumentParser:
     )  # fmt: skip
     record.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
     record.add_argument("--omega", metavar="W", type=float, help="speed of the path [rad/s]")
+    commands.add_parser("defaults", help="print the default scenario with a comment on every key")
+    commands.add_parser("schema", help="print a JSON Schema of scenario files, for editors")
     return parser
 
 
@@ -243,7 +245,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     signal.signal(signal.SIGINT, on_interrupt)
     for name in ("mffdrake", "drake"):  # Drake sets its level when it is imported.
-        logging.getLogger(name).setLevel(logging.INFO if options.verbose else logging.WARNING)
+        logging.getLogger(name).setLevel(
+            logging.INFO if getattr(options, "verbose", False) else logging.WARNING
+        )
 
     try:
         return RunCommand(options)

@@ -95,18 +95,20 @@ def ReadYaml(text: str) -> dict[str, Any]:
     return data
 
 
-def DumpYaml(data: Any) -> str:
+def DumpYaml(data: Any, *, flow: bool | None = None) -> str:
     """Writes plain data as YAML, floats to the last bit.
 
     Args:
         data: Mappings, lists, numbers, texts; tags under the key `OneOf.TAG`.
+        flow: Whether all is written in braces and brackets; by default what holds no mappings or
+            lists of its own is.
 
     Returns:
-        The YAML, lists of numbers in a line.
+        The YAML.
 
     Example:
         >>> print(DumpYaml({"refinement": {"_tag": "!Borders", "window": 8}}), end="")
         refinement: !Borders {window: 8}
     """
-    text: str = yaml.dump(data, Dumper=_Dumper, default_flow_style=None, width=100, sort_keys=False)
+    text: str = yaml.dump(data, Dumper=_Dumper, default_flow_style=flow, width=100, sort_keys=False)
     return text

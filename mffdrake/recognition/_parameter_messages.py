@@ -37,7 +37,6 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "literal_error": lambda c: f"must be one of {c['expected'].replace(' or ', ', ')}".replace(
         "'", ""
     ),
-    "one_of": lambda c: str(c["allowed"]),
     "tuple_type": lambda c: "must be a list",
     "too_short": lambda c: f"must be a list of {c.get('length', 'more')} values",
     "too_long": lambda c: f"must be a list of {c['max_length']} values",
@@ -76,6 +75,8 @@ def explain(error: ValidationError, where: str = "") -> str:
             key += f".{part}" if key else part
     if kind == "unknown_key":
         return str(context["text"]) % (f" in {key}" if key else "")
+    if kind == "one_of":
+        return f"{key} {context['text']}".lstrip()
     if kind == "unexpected_keyword_argument":
         return f"unknown parameter '{key}'"
     if kind == "value_error":

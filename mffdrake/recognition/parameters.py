@@ -13,6 +13,7 @@ A parameter is declared once, in the class that uses it, with its type, its rang
 from __future__ import annotations
 
 import dataclasses as dc
+import difflib
 import functools
 import inspect
 import json
@@ -214,7 +215,7 @@ class OneOf:
         kinds = typing.get_args(source) or (source,)
         by_tag = {tag_of(kind): kind for kind in kinds}
         by_name = {kind_of(kind): kind for kind in kinds if not _required(kind)}
-        allowed = ", ".join([*by_name, *(_form(kind) for kind in kinds if dc.fields(kind))])
+        forms = ", ".join(_form(kind) for kind in kinds if dc.fields(kind))
         empty = next((tag for tag, kind in by_tag.items() if not dc.fields(kind)), None)
 
         def choose(value: Any) -> str | None:
@@ -224,6 +225,15 @@ class OneOf:
             if isinstance(value, str):
                 return "name" if value in by_name else None
             return tag_of(type(value)) if type(value) in kinds else None
+
+        def check(value: Any) -> Any:
+            if choose(value) is None:
+                given = value.get(self.TAG, value) if isinstance(value, Mapping) else value
+                close = difflib.get_close_matches(str(given), [*by_tag, *by_name], n=1)
+                hint = f" (did you mean '{close[0]}'?)" if close else ""
+                text = f"must be one of {', '.join([*by_name, forms])}, not {given!r}{hint}"
+                raise PydanticCustomError("one_of", "{text}", {"text": text})
+            return value
 
         def untag(value: Any) -> Any:
             if isinstance(value, Mapping):
@@ -238,12 +248,8 @@ class OneOf:
             choices["name"] = core_schema.no_info_after_validator_function(
                 lambda name: by_name[name](), core_schema.literal_schema(list(by_name))
             )
-        return core_schema.tagged_union_schema(
-            choices,
-            choose,
-            custom_error_type="one_of",
-            custom_error_message="{allowed}",
-            custom_error_context={"allowed": f"must be one of {allowed}"},
+        return core_schema.no_info_before_validator_function(
+            check, core_schema.tagged_union_schema(choices, choose)
         )
 
     def __get_pydantic_json_schema__(
@@ -251,8 +257,7 @@ class OneOf:
     ) -> dict[str, Any]:
         """Any of the choices; a tag itself is none of JSON Schema's business."""
         listed = handler(schema)
-        listed.pop("discriminator", None)
-        return {**listed, "anyOf": listed.pop("oneOf", [])} if "oneOf" in listed else listed
+        return {"anyOf": listed["oneOf"]} if "oneOf" in listed else listed
 
 
 def _required(cls: Any) -> list[str]:
