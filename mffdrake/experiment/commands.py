@@ -59,7 +59,8 @@ __all__ = ["RunCommand", "UserError"]
 
 
 _USER_ERRORS = (
-    ParameterError, ArmError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError, ClusterError,
+    ParameterError, ArmError, UnreachablePathError, GraphicsUnavailableError, WorkerDiedError,
+    ClusterError,
     StoreError, OtherCodeError, ArgumentsError, CalibrationError, ColorFileError,
     ImageSourceError, RecordingError, RigError, TrajectoryError,
 )  # fmt: skip

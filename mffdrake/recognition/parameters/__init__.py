@@ -1,0 +1,48 @@
+"""Parameters as frozen dataclasses that check types and ranges, in Python and from YAML alike.
+
+A parameter is declared once, in the class that uses it, with its type, its range and its default::
+
+    @parameters
+    class MatchingParameters:
+        min_value: Share = 0.3
+
+`Share` and the others here are ranges that many parameters have. Wrong values raise a
+`ParameterError` of one line, from ``MatchingParameters(min_value=2)`` as from a scenario file.
+"""
+
+from mffdrake.recognition.parameters.checked import (
+    Count,
+    Finite,
+    Interval,
+    NonNegative,
+    ParameterError,
+    Positive,
+    Seed,
+    Share,
+    Vector3,
+    parameters,
+    read_parameters,
+)
+from mffdrake.recognition.parameters.one_of import OneOf, choices, kind_of, tag_of
+from mffdrake.recognition.parameters.plain_data import describe, merge, plain
+
+__all__ = [
+    "Count",
+    "Finite",
+    "Interval",
+    "NonNegative",
+    "OneOf",
+    "ParameterError",
+    "Positive",
+    "Seed",
+    "Share",
+    "Vector3",
+    "choices",
+    "describe",
+    "kind_of",
+    "merge",
+    "parameters",
+    "plain",
+    "read_parameters",
+    "tag_of",
+]

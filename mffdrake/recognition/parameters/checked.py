@@ -1,0 +1,157 @@
+"""The decorator of parameters, and ranges that many of them have."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+import inspect
+import json
+from collections.abc import Hashable, Mapping
+from typing import Annotated, Any, TypeVar, cast, dataclass_transform
+
+import pydantic
+import pydantic.dataclasses
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from mffdrake.recognition.parameters.messages import explain, unknown_key
+
+__all__ = [
+    "Count",
+    "Finite",
+    "Interval",
+    "NonNegative",
+    "ParameterError",
+    "Positive",
+    "Seed",
+    "Share",
+    "Vector3",
+    "parameters",
+    "read_parameters",
+]
+
+_T = TypeVar("_T")
+
+Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
+"""A finite number."""
+Positive = Annotated[float, Gt(0), pydantic.Field(allow_inf_nan=False)]
+"""A finite number above 0."""
+NonNegative = Annotated[float, Ge(0), pydantic.Field(allow_inf_nan=False)]
+"""A finite number from 0 on."""
+Share = Annotated[float, Ge(0), Le(1)]
+"""A number from 0 to 1."""
+Count = Annotated[int, Ge(1)]
+"""A whole number from 1 on."""
+Seed = Annotated[int, Ge(0), Lt(2**63)]
+"""Of random numbers."""
+Vector3 = tuple[Finite, Finite, Finite]
+"""Three finite numbers."""
+Interval = tuple[Finite, Finite]
+"""Two finite numbers."""
+
+
+class ParameterError(ValueError):
+    """A parameter is wrong; the message is one line for the person who gave it."""
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dc.field,))
+def parameters(cls: type[_T]) -> type[_T]:
+    """Makes a class a frozen dataclass, with keyword arguments only, that checks its values.
+
+    Lists become tuples, and NumPy's scalars Python's. Checks of several values together stand in
+    ``__post_init__`` and raise a ValueError.
+
+    Args:
+        cls: The class, annotated like any dataclass.
+
+    Returns:
+        The dataclass. Making one raises a `ParameterError` for a wrong value.
+
+    Example:
+        >>> @parameters
+        ... class Noise:
+        ...     deviation: NonNegative = 1.0
+        >>> Noise(deviation=-1)
+        Traceback (most recent call last):
+        ...
+        mffdrake.recognition.parameters.checked.ParameterError: Noise: deviation must be at least 0, not -1
+    """
+
+    def _check_keys(owner: type, data: Any) -> Any:
+        known = [field.name for field in dc.fields(owner)]
+        if data is None or isinstance(data, str | int | float | tuple | list):
+            rule = f"must be a mapping with the keys {', '.join(known)}" if known else "has no keys"
+            raise PydanticCustomError("no_mapping", "{text}", {"text": rule})
+        if isinstance(data, Mapping):
+            for key in data:
+                if key not in known:
+                    raise PydanticCustomError(
+                        "unknown_key", "{text}", {"text": unknown_key(str(key), known)}
+                    )
+            return {key: _tidy(value) for key, value in data.items()}
+        return data
+
+    validator: Any = classmethod(_check_keys)
+    cls._check_keys = pydantic.model_validator(mode="before")(validator)  # type: ignore[attr-defined]
+    config = pydantic.ConfigDict(strict=True, arbitrary_types_allowed=True, extra="forbid")
+    made: Any = pydantic.dataclasses.dataclass(cls, frozen=True, kw_only=True, config=config)
+    checked = made.__init__
+
+    def init(self: Any, **values: Any) -> None:
+        try:
+            checked(self, **{name: _tidy(value) for name, value in values.items()})
+        except ValidationError as error:
+            raise ParameterError(f"{cls.__name__}: {explain(error)}") from error
+
+    init.__doc__ = checked.__doc__
+    init.__signature__ = inspect.signature(checked)  # type: ignore[attr-defined]
+    made.__init__ = init
+    return made  # type: ignore[no-any-return]
+
+
+def _tidy(value: Any) -> Any:
+    """Lists as tuples, and NumPy's numbers and arrays as Python's."""
+    if hasattr(value, "tolist") and not isinstance(value, type):
+        value = value.tolist()
+    return tuple(_tidy(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+_Adapter = pydantic.TypeAdapter[Any]
+
+
+@functools.cache
+def _adapter(cls: Hashable) -> _Adapter:
+    return pydantic.TypeAdapter(cls)  # type: ignore[arg-type]
+
+
+def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
+    """Parameters from plain data, as YAML or JSON has them.
+
+    Args:
+        cls: A class of `parameters`.
+        data: Mappings, lists, numbers, texts; tags under the key `OneOf.TAG`.
+        where: What to call the whole in messages.
+
+    Returns:
+        The parameters.
+
+    Raises:
+        ParameterError: One line that names the key, what is allowed and what is given.
+
+    Example:
+        >>> @parameters
+        ... class Noise:
+        ...     deviation: NonNegative = 1.0
+        >>> read_parameters(Noise, {"deviation": 2})
+        Noise(deviation=2.0)
+        >>> read_parameters(Noise, {"deviations": 2}, "noise")  # doctest: +ELLIPSIS
+        Traceback (most recent call last):
+        ...
+        mffdrake.recognition.parameters.checked.ParameterError: unknown key 'deviations' in noise ...
+    """
+    try:
+        made: _T = _adapter(cast(Hashable, cls)).validate_json(json.dumps(data))
+    except ValidationError as error:
+        raise ParameterError(explain(error, where)) from error
+    return made
