@@ -26,6 +26,7 @@ from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh, LoadSolid, WarnOutside
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import OneStepGaTracker, Tracker
+from mffdrake.systems.feedforward import ConnectFeedforward
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 
@@ -151,13 +152,11 @@ def MakeHandEyeDiagram(
     if scenario.method == "mff":
         predictor = _MakePredictor(scenario, station, tracker.num_hypotheses)
         builder.AddNamedSystem("predictor", predictor)
-        builder.Connect(control.estimated_state, predictor.GetInputPort("estimated_state"))
-        builder.Connect(
-            recognizer.GetOutputPort("population"), predictor.GetInputPort("population")
-        )
-        builder.Connect(
-            predictor.GetOutputPort("predicted_population"),
-            recognizer.GetInputPort("predicted_population"),
+        ConnectFeedforward(
+            builder,
+            recognizer=recognizer,
+            predictor=predictor,
+            estimated_state=control.estimated_state,
         )
     WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:

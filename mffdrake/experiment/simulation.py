@@ -137,18 +137,18 @@ def Simulate(
     _WarmUp(diagram, simulator.get_context())
     recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())
     for frame in range(timing.NumFrames(scenario.duration)):
-        tick = frame * timing.ticks_per_frame
+        tick, next_tick = timing.TickOfFrame(frame), timing.TickOfFrame(frame + 1)
         # Events at this time run in the next step, so the state here is the one the frame shows.
         if on_exposure is not None:
             on_exposure(simulator.get_context())
         recorder.RecordTruth(timing.TimeOfTick(tick))
         simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
         recorder.RecordRecognition()
-        end = min(timing.TimeOfFrame(frame + 1), scenario.duration)
+        end = min(timing.TimeOfTick(next_tick), scenario.duration)
         # Advancing to the present time would run its events now, before the truth is noted.
         if end > timing.TimeOfTick(tick + 1):
             simulator.AdvanceTo(end)
-        recorder.FinishFrame(timing.ticks_per_frame)
+        recorder.FinishFrame(next_tick - tick)
         if on_frame is not None:
             on_frame(simulator.get_context().get_time(), recorder.wall_s)
     return recorder.Result()

@@ -4,60 +4,84 @@ Control and vision run at different rates, and every vision event must fall on a
 floating point two periodic events of 0.033 s and 0.001 s do not: ``k * 0.033 != (33 * k) * 0.001``
 for one k in six, so vision would run one rounding error beside the tick, in a simulation step of
 its own. The remedy: all systems declare events with the control period, and those that work at the
-vision rate act on every 33rd tick only, found by counting ticks instead of comparing times.
+vision rate act on the frames' ticks only, found by counting ticks instead of comparing times.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+from mffdrake.recognition.parameters import Positive, parameters
 
 __all__ = ["Timing"]
 
+_MAX_DENOMINATOR = 1_000_000
 
-@dataclass(frozen=True, kw_only=True)
+
+@parameters
 class Timing:
-    """Control and vision periods, the second a whole multiple of the first.
+    """Control and vision periods.
+
+    Frame k falls on the control tick nearest to ``k * vision_period``; in the middle between two,
+    on the later one. So the frames of a camera of 30 Hz are 33 and 34 control ticks of 1 ms apart
+    and never drift; those of a vision period that is a whole multiple are all equally far apart.
+
+    That is computed with whole numbers, however late it gets: the quotient of the periods is the
+    nearest fraction with a denominator up to a million, so 1/30 s is 100/3 control periods of 1 ms
+    and no rounding error more or less.
 
     Attributes:
         control_period: Time between control ticks [s].
-        vision_period: Time between frames [s].
+        vision_period: Mean time between frames [s], at least control_period.
 
     Raises:
-        ValueError: When a period is not positive, or vision's is not a whole multiple of control's.
+        ParameterError: When a period is not positive or vision's is below control's.
 
     Example:
         >>> timing = Timing()
-        >>> timing.ticks_per_frame
-        33
         >>> [t for t in (0.0, 0.001, 0.033, 0.034) if timing.IsVisionTick(t)]
         [0.0, 0.033]
+        >>> [Timing(vision_period=1 / 30).TickOfFrame(k) for k in range(5)]
+        [0, 33, 67, 100, 133]
     """
 
-    control_period: float = 0.001
-    vision_period: float = 0.033
+    control_period: Positive = 0.001
+    vision_period: Positive = 0.033
 
     def __post_init__(self) -> None:
-        """Checks the periods."""
-        for name in ("control_period", "vision_period"):
-            value = getattr(self, name)
-            if not 0 < value < float("inf"):
-                raise ValueError(f"timing: {name} must be positive, not {value} s")
-        ratio = self.vision_period / self.control_period
-        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
+        """Checks the periods together."""
+        ticks, frames = self._ticks_and_frames
+        if ticks < frames:
             raise ValueError(
-                f"timing: vision_period must be a whole multiple of control_period, but "
-                f"{self.vision_period} s is {ratio:.6g} times {self.control_period} s"
+                f"vision_period must be at least control_period ({self.control_period} s), "
+                f"not {self.vision_period}; make one larger or the other smaller"
             )
 
-    @property
-    def ticks_per_frame(self) -> int:
-        """Control ticks from one frame to the next."""
-        return round(self.vision_period / self.control_period)
+    @cached_property
+    def _ticks_and_frames(self) -> tuple[int, int]:
+        """The least whole numbers of control ticks and of frames that take the same time."""
+        quotient = Fraction(self.vision_period) / Fraction(self.control_period)
+        return quotient.limit_denominator(_MAX_DENOMINATOR).as_integer_ratio()
 
     def Tick(self, time: float) -> int:
         """Number of the control tick at (or nearest to) a time [s]."""
         return round(time / self.control_period)
+
+    def TickOfFrame(self, frame: int) -> int:
+        """Number of the control tick on which a frame falls."""
+        ticks, frames = self._ticks_and_frames
+        return (2 * frame * ticks + frames) // (2 * frames)
+
+    def FrameAtTick(self, tick: int) -> int:
+        """Number of the last frame at a control tick or before it."""
+        ticks, frames = self._ticks_and_frames
+        return ((2 * tick + 1) * frames - 1) // (2 * ticks)
+
+    def FrameAt(self, time: float) -> int:
+        """Number of the last frame at the tick at a time [s], or before it."""
+        return self.FrameAtTick(self.Tick(time))
 
     def TimeOfTick(self, tick: int) -> float:
         """Time of a tick [s], to the bit as Drake computes it for a periodic event."""
@@ -65,11 +89,22 @@ class Timing:
 
     def TimeOfFrame(self, frame: int) -> float:
         """Time of a frame [s], to the bit that of its control tick."""
-        return self.TimeOfTick(frame * self.ticks_per_frame)
+        return self.TimeOfTick(self.TickOfFrame(frame))
+
+    def TimeBefore(self, frame: int) -> float:
+        """Time from the frame before to this one [s], between their ticks.
+
+        It is ``vision_period``, to the bit, where that is a whole multiple of the control period.
+        """
+        _, frames = self._ticks_and_frames
+        if frames == 1:
+            return self.vision_period
+        return self.TimeOfTick(self.TickOfFrame(frame) - self.TickOfFrame(frame - 1))
 
     def IsVisionTick(self, time: float, *, delay_ticks: int = 0) -> bool:
         """Whether the tick at a time [s] is a frame's, or ``delay_ticks`` before a frame's."""
-        return (self.Tick(time) + delay_ticks) % self.ticks_per_frame == 0
+        tick = self.Tick(time) + delay_ticks
+        return self.TickOfFrame(self.FrameAtTick(tick)) == tick
 
     def CheckLatency(self, latency: float) -> None:
         """Checks that a latency [s] is a whole number of control ticks.
@@ -87,4 +122,9 @@ class Timing:
     def NumFrames(self, duration: float) -> int:
         """Number of frames from time 0 until just before ``duration`` [s]."""
         ticks = math.ceil(duration / self.control_period - 1e-6)
-        return -(-ticks // self.ticks_per_frame)
+        return self.FrameAtTick(ticks - 1) + 1
+
+    def MaxFrames(self, ticks: int) -> int:
+        """The most frames that any so many control ticks in a row hold."""
+        period, frames = self._ticks_and_frames
+        return -(-ticks * frames // period)

@@ -319,7 +319,7 @@ BAD = {
     "wrong type": (["run", "--scenario-text", "duration: long"], "duration.*a number.*'long'"),
     "negative size": (["run", "--scenario-text", "camera: {width: -1}"], "camera.width.*positive"),
     "negative period": (["run", "--scenario-text", "timing: {vision_period: -1}"], "vision_period"),
-    "no multiple": (["run", "--scenario-text", "timing: {vision_period: .0335}"], "whole multiple"),
+    "fast vision": (["run", "--scenario-text", "timing: {vision_period: .0005}"], "vision_period"),
     "not YAML": (["run", "--scenario-text", "{seed: "], "scenario text: .*YAML"),
     "unreachable path": (
         ["run", "--scenario-text", "hand_path: {X_WE0: {translation: [3, 0, 0.4]}}"],

@@ -286,12 +286,13 @@ class MovingArm:
         builder.Connect(population.get_output_port(), previous)
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
+        self.timing = self.predictor.timing
 
     def at_frame(self, frame):
         """The predicted population and the displacement that the recognizer reads at a frame."""
         # Events at that time run in the next step: this is what a system's update reads there.
         if frame > 0:  # Advancing by no time would run the events at 0 already.
-            self.simulator.AdvanceTo(Timing().TimeOfFrame(frame))
+            self.simulator.AdvanceTo(self.timing.TimeOfFrame(frame))
         context = self.predictor.GetMyContextFromRoot(self.simulator.get_context())
         return (
             self.predictor.GetOutputPort("predicted_population").Eval(context).reshape(-1, 6),
@@ -337,6 +338,39 @@ def test_velocity_prediction_starts_from_the_last_exposures_joints(latency):
             mode="velocity",
         )
         np.testing.assert_allclose(predicted, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.001, 0.033, 0.034, 0.067, 0.101, 0.167, 0.233])
+@pytest.mark.parametrize("mode", ["rigid", "velocity"])
+def test_a_camera_of_30_hz_that_is_no_whole_number_of_control_ticks(mode, latency):
+    timing = Timing(vision_period=1 / 30)
+    poses = random_poses(np.random.default_rng(20), 4)
+    arm = MovingArm(poses, timing=timing, latency=latency, mode=mode)
+    velocities = JOINTS.MakeDerivative()
+    steps = set()
+    for frame in range(15):
+        predicted, X_DC = arm.at_frame(frame)
+        last, present = (timing.TimeOfFrame(k) - latency for k in (frame - 1, frame))
+        if last < -1e-9:
+            np.testing.assert_array_equal(predicted.ravel(), vectors(poses))
+            continue
+        q_C, q_D = (JOINTS.value(max(0.0, time)).ravel() for time in (last, present))
+        assert X_DC.IsNearlyEqualTo(camera_pose(q_D).inverse() @ camera_pose(q_C), 1e-12)
+        expected = [vector(X_DC @ X) for X in poses]
+        if mode == "velocity":
+            step = round(present - last, 3)  # what the recognizer's frames are really apart
+            steps.add(step)
+            qdot_C = velocities.value(max(0.0, last)).ravel()
+            expected = predict(
+                q_C,
+                q_D,
+                poses,
+                last_velocity=qdot_C,
+                mode=mode,
+                timing=Timing(vision_period=step),
+            )
+        np.testing.assert_allclose(predicted, expected, atol=1e-12)
+    assert steps == ({0.033, 0.034} if mode == "velocity" else set())
 
 
 def test_the_vision_period_is_that_of_the_timing():
@@ -427,7 +461,7 @@ def test_all_of_its_state_is_discrete_numbers():
         context = predictor.CreateDefaultContext()
         assert context.num_abstract_states() == 0
         assert context.num_continuous_states() == 0
-        assert context.get_discrete_state_vector().size() == 14 * samples
+        assert context.get_discrete_state_vector().size() == (1 + 14) * samples
 
 
 def test_simulations_from_cloned_contexts_are_equal_to_the_last_bit():

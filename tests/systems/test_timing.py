@@ -1,4 +1,7 @@
-"""Vision falls on every 33rd control tick, to the bit, and which state a frame shows."""
+"""Vision falls on control ticks, to the bit, and which state a frame shows."""
+
+import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -7,11 +10,12 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
+from mffdrake.experiment.cameras import MakeRig
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.parts import MakeRig, MakeTracker
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import Generation, SolidModel
+from mffdrake.recognition.parameters import ParameterError
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.timing import Timing
 
@@ -23,6 +27,12 @@ TIMINGS = [
     Timing(control_period=1 / 300, vision_period=1 / 30),
     Timing(control_period=0.004, vision_period=0.004),
 ]
+BETWEEN = [
+    Timing(vision_period=1 / 30),
+    Timing(control_period=0.0005, vision_period=0.0073),
+    Timing(control_period=0.002, vision_period=0.033),
+]
+"""No whole multiples."""
 
 
 def periods(value):
@@ -60,25 +70,132 @@ def simulate(duration, *systems):
 
 
 @pytest.mark.parametrize("name", ["control_period", "vision_period"])
-@pytest.mark.parametrize("value", [0.0, -0.001, np.nan, np.inf])
-def test_periods_must_be_positive_and_finite(name, value):
-    with pytest.raises(ValueError, match=f"timing: {name} must be positive, not {value} s"):
+@pytest.mark.parametrize(
+    ("value", "rule"),
+    [(0.0, "positive"), (-0.001, "positive"), (np.nan, "finite"), (np.inf, "finite")],
+)
+def test_periods_must_be_positive_and_finite(name, value, rule):
+    with pytest.raises(ParameterError, match=f"Timing: {name} must be {rule}, not {value}"):
         Timing(**{name: value})
 
 
-@pytest.mark.parametrize(
-    ("control", "vision"), [(0.001, 0.0335), (0.002, 0.033), (0.033, 0.001), (0.001, 0.033001)]
-)
-def test_the_vision_period_must_be_a_whole_multiple(control, vision):
-    with pytest.raises(ValueError, match="vision_period must be a whole multiple"):
+@pytest.mark.parametrize(("control", "vision"), [(0.033, 0.001), (0.001, 0.000999), (0.034, 0.033)])
+def test_vision_must_not_be_faster_than_control(control, vision):
+    message = rf"vision_period must be at least control_period \({control} s\), not {vision}; make"
+    with pytest.raises(ParameterError, match=message):
         Timing(control_period=control, vision_period=vision)
+
+
+# Frames.
+
+PERIODS = {
+    "30 Hz": Fraction(1, 30), "60 Hz": Fraction(1, 60), "24 Hz": Fraction(1, 24),
+    "29.97 Hz": Fraction(1001, 30_000), "500 Hz": Fraction(1, 500), "300 Hz": Fraction(1, 300),
+    "7.3 ms": Fraction("0.0073"), "33 ms": Fraction("0.033"), "33.5 ms": Fraction("0.0335"),
+    "33.001 ms": Fraction("0.033001"), "2.25 ms": Fraction("0.00225"), "1 s": Fraction(1),
+}  # fmt: skip
+"""Exact vision periods [s] of which a control period may well be no whole share."""
+
+
+@pytest.fixture(params=PERIODS)
+def vision(request):
+    return PERIODS[request.param]
+
+
+@pytest.fixture(params=["0.001", "0.002", "0.0005"])
+def control(request):
+    return Fraction(request.param)
+
+
+@pytest.fixture
+def timing(control, vision):
+    return Timing(control_period=float(control), vision_period=float(vision))
+
+
+def nearest_tick(time, control):
+    """By trying those around: the tick nearest to an exact time, the later one of two."""
+    guess = int(time / control)
+    return min(range(guess - 2, guess + 3), key=lambda n: (abs(n * control - time), -n))
+
+
+MANY_FRAMES = [*range(500), *range(10**6, 10**6 + 500), *range(10**9, 10**9 + 500)]
+
+
+def test_a_frame_falls_on_the_nearest_tick_however_late_it_gets(timing, control, vision):
+    for frame in MANY_FRAMES:
+        assert timing.TickOfFrame(frame) == nearest_tick(frame * vision, control)
+
+
+@pytest.mark.parametrize(
+    ("control", "vision"), [(0.001, 0.0335), (0.002, 0.033), (0.0005, 0.00725), (1 / 45, 1 / 30)]
+)
+def test_a_frame_in_the_middle_between_two_ticks_falls_on_the_later_one(control, vision):
+    timing = Timing(control_period=control, vision_period=vision)
+    whole = round(2 * vision / control)
+    for frame in range(1, 100, 2):
+        assert timing.TickOfFrame(frame) == (frame * whole + 1) // 2
+
+
+def test_the_last_frame_at_any_tick(timing):
+    ticks = [timing.TickOfFrame(frame) for frame in range(200)]
+    for tick in range(min(ticks[-1], 3000)):
+        (last,) = (k for k in range(199) if ticks[k] <= tick < ticks[k + 1])
+        assert timing.FrameAtTick(tick) == timing.FrameAt(timing.TimeOfTick(tick)) == last
+        assert timing.IsVisionTick(timing.TimeOfTick(tick)) == (tick == ticks[last])
+    assert timing.FrameAtTick(-1) == -1
+
+
+def test_delayed_frames_are_their_ticks_less_the_delay(timing):
+    ticks = {timing.TickOfFrame(frame) for frame in range(200)}
+    for delay in (1, 7, 40):
+        for tick in range(max(ticks) // 4):
+            expected = tick + delay in ticks
+            assert timing.IsVisionTick(timing.TimeOfTick(tick), delay_ticks=delay) == expected
+
+
+def test_the_time_of_a_frame_is_that_of_its_tick(timing):
+    for frame in range(100):
+        tick = timing.TickOfFrame(frame)
+        assert timing.TimeOfFrame(frame) == timing.TimeOfTick(tick) == tick * timing.control_period
+
+
+def test_frames_are_the_vision_period_apart_or_what_their_ticks_are(timing, control, vision):
+    whole = (vision / control).denominator == 1
+    for frame in range(1, 100):
+        if whole:
+            assert timing.TimeBefore(frame) == timing.vision_period
+        apart = timing.TimeOfFrame(frame) - timing.TimeOfFrame(frame - 1)
+        assert timing.TimeBefore(frame) == pytest.approx(apart, abs=1e-12)
+
+
+def test_num_frames_counts_the_frames_before_the_end(timing):
+    times = [timing.TimeOfFrame(frame) for frame in range(100)]
+    for duration in np.linspace(0.0, times[-1], 300):
+        expected = sum(time < duration - 1e-9 for time in times)
+        assert timing.NumFrames(duration) == expected
+    for frame in range(100):
+        assert timing.NumFrames(times[frame]) == frame
+
+
+def test_so_many_ticks_hold_no_more_frames_than_that(timing):
+    frames = np.array([timing.TickOfFrame(frame) for frame in range(2000)])
+    for ticks in (0, 1, 2, 10, 33, 34, 67, 100, 101):
+        held = np.searchsorted(frames, frames[:1000] + ticks) - np.arange(1000)
+        assert held.max() == timing.MaxFrames(ticks) == math.ceil(ticks / _ratio(timing))
+
+
+def _ratio(timing):
+    """Control ticks a frame."""
+    quotient = timing.vision_period / timing.control_period
+    return Fraction(quotient).limit_denominator(1000)
 
 
 @pytest.mark.parametrize(
     ("timing", "ticks"), list(zip(TIMINGS, [33, 25, 67, 100, 10, 1], strict=True)), ids=periods
 )
-def test_ticks_per_frame(timing, ticks):
-    assert timing.ticks_per_frame == ticks
+def test_where_the_periods_allow_frames_are_equally_many_ticks_apart(timing, ticks):
+    for frame in MANY_FRAMES:
+        assert timing.TickOfFrame(frame) == frame * ticks
 
 
 # Counting.
@@ -96,7 +213,7 @@ def test_a_time_and_its_neighboring_floats_belong_to_the_same_tick(timing):
 @pytest.mark.parametrize("timing", TIMINGS, ids=periods)
 def test_vision_ticks_are_those_of_the_frames(timing):
     frames = {timing.TimeOfFrame(frame) for frame in range(10)}
-    times = [timing.TimeOfTick(tick) for tick in range(10 * timing.ticks_per_frame)]
+    times = [timing.TimeOfTick(tick) for tick in range(timing.TickOfFrame(10))]
     assert {time for time in times if timing.IsVisionTick(time)} == frames
 
 
@@ -113,7 +230,7 @@ def test_delayed_vision_ticks_come_so_many_ticks_before_the_frames():
     assert first_ticks(40) == [26, 59]
 
 
-@pytest.mark.parametrize("timing", TIMINGS, ids=periods)
+@pytest.mark.parametrize("timing", TIMINGS + BETWEEN, ids=periods)
 @pytest.mark.parametrize("ticks", [1, 24, 25, 26, 33, 34, 66, 67, 100, 101, 1000])
 def test_num_frames_is_the_number_of_frames_that_drake_runs(timing, ticks):
     duration = timing.TimeOfTick(ticks)
@@ -133,12 +250,14 @@ def test_num_frames_of_a_duration_that_ends_between_two_ticks():
 
 
 @pytest.mark.parametrize(
-    ("timing", "frames"), [(TIMINGS[0], 10_000), *((t, 2000) for t in TIMINGS[1:])], ids=periods
+    ("timing", "frames"),
+    [(TIMINGS[0], 10_000), *((t, 2000) for t in (*TIMINGS[1:], *BETWEEN))],
+    ids=periods,
 )
 def test_every_frame_coincides_with_a_control_tick(timing, frames):
     control = EventTimes(timing.control_period)
     vision = EventTimes(timing.control_period, timing.IsVisionTick)
-    ticks = frames * timing.ticks_per_frame
+    ticks = timing.TickOfFrame(frames)
     simulator = simulate(timing.TimeOfTick(ticks), control, vision)
     assert simulator.get_num_steps_taken() == ticks  # no step between two ticks
     assert control.times == [timing.TimeOfTick(tick) for tick in range(ticks)]
@@ -208,8 +327,7 @@ def test_a_frame_shows_the_plants_state_of_its_own_time(method):
     scenario = make_scenario(method)
     diagram = MakeHandEyeDiagram(scenario)
     solid = SolidModel.from_mesh_file(FindModelsPath() / "target_box.obj")
-    tracker = MakeTracker(
-        scenario.recognizer,
+    tracker = scenario.recognizer.make_tracker(
         solid=solid,
         rig=MakeRig(scenario),
         seed=scenario.seed,
