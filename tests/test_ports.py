@@ -28,23 +28,36 @@ from mffdrake.recognition import (
     BLUE,
     GREEN,
     RED,
+    Camera,
     CameraRig,
+    Distortion,
     Matcher,
     OneStepGaTracker,
     SearchModel,
     SolidModel,
 )
 from mffdrake.systems.camera_delay import GeometryPoser
+from mffdrake.systems.clutter.moving_shapes import MovingShapes
+from mffdrake.systems.disturbances import Frozen, GaussianNoise
+from mffdrake.systems.disturbances.image_disturbance import PixelFilter
+from mffdrake.systems.disturbances.image_memory import ImageMemory
+from mffdrake.systems.disturbances.random_stream import RandomStream
 from mffdrake.systems.joint_encoders import JointEncoders
+from mffdrake.systems.lens import LensDistortion
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PdController
 from mffdrake.systems.predictor import MffPredictor
-from mffdrake.systems.recognizer import OneStepGaRecognizer
+from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.timing import Timing
 
 DIRECTIVE = ".. pydrake_system::"
+FISHEYE = Camera(
+    width=64, height=48, fx=40.0, fy=40.0, cx=31.5, cy=23.5,
+    distortion=Distortion("equidistant", (0.0, 0.0, 0.0, 0.0)),
+)  # fmt: skip
 RIG = CameraRig.stereo(width=64, height=48, focal_length=60.0, baseline=0.150)
 
 
@@ -121,6 +134,15 @@ SYSTEMS = {
     "MakeHandEyeDiagram": make_hand_eye,
     "MffPredictor": lambda: MffPredictor(plant=MakePa10Plant()),
     "OneStepGaRecognizer": make_recognizer,
+    "PoseRecognizer": lambda: PoseRecognizer(tracker=make_recognizer().tracker),
+    "PixelFilter": lambda: PixelFilter(
+        GaussianNoise(), stream=RandomStream(0, 0, "right"), timing=Timing()
+    ),
+    "ImageMemory": lambda: ImageMemory(
+        Frozen(), stream=RandomStream(0, 0, "right"), timing=Timing()
+    ),
+    "LensDistortion": lambda: LensDistortion(FISHEYE, RIG.cameras[0]),
+    "MovingShapes": lambda: MovingShapes([], lambda time: []),
     "PdController": lambda: PdController(kp=[1.0, 2.0], kd=[0.1, 0.2]),
     "PoseEstimateVisualizer": make_visualizer,
 }
@@ -175,7 +197,7 @@ LEAF_SYSTEMS = sorted(name for name in SYSTEMS if inspect.isclass(documented().g
 
 @pytest.mark.parametrize("name", LEAF_SYSTEMS)
 def test_only_the_optional_inputs_may_stay_unconnected(name):
-    inputs = port_block(documented()[name])["input_ports"]
+    inputs = port_block(documented()[name]).get("input_ports", [])
     required = [port for port in inputs if not port.endswith(" (optional)")]
     system = SYSTEMS[name]()
     run(system, required)

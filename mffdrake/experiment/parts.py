@@ -25,7 +25,7 @@ from mffdrake.systems.disturbances import AddDisturbances
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
 from mffdrake.systems.joint_encoders import JointEncoders
-from mffdrake.systems.pd_controller import PD_GAINS, AddGravityCompensation, PdController, PdGains
+from mffdrake.systems.pd_controller import AddGravityCompensation, PdController
 from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 
@@ -178,9 +178,12 @@ def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
         ScenarioError: When there is not one gain for each joint.
     """
     config = scenario.controller
-    preset: PdGains = PD_GAINS[config.gains]
-    gains = {"kp": config.kp or preset.kp, "kd": config.kd or preset.kd}
     instance = arm.GetModelInstanceByName(scenario.arm.model)
+    made = config.gains.MakeGains(arm, instance, scenario.arm.nominal_positions)
+    gains = {
+        "kp": made.kp if config.kp is None else config.kp,
+        "kd": made.kd if config.kd is None else config.kd,
+    }
     joints = [joint.name() for joint in MovingJoints(arm, instance)]
     for name, values in gains.items():
         if len(values) != len(joints):

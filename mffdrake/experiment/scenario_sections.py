@@ -16,6 +16,7 @@ from mffdrake.recognition.parameters import (
     parameters,
 )
 from mffdrake.systems.hand_path import HandPath
+from mffdrake.systems.pd_gains import Gains, LightlyDamped
 from mffdrake.systems.transforms import Pose, RpyDeg
 
 __all__ = [
@@ -63,13 +64,14 @@ class ControllerConfig:
     """The PD controller.
 
     Attributes:
-        gains: Name of a preset: "lightly_damped" (the paper's Fig. 6) or "well_damped".
-        kp: Proportional gains [N m/rad], one a joint; they replace the preset's.
+        gains: A preset, "lightly_damped" (the paper's Fig. 6) or "well_damped", or
+            ``!NaturalFrequency {frequency_hz: 1, damping_ratio: 1}``, from the mass matrix.
+        kp: Proportional gains [N m/rad], one a joint; they replace those.
         kd: Derivative gains [N m s/rad], likewise.
         gravity_compensation: Whether the arm's weight is compensated.
     """
 
-    gains: Literal["lightly_damped", "well_damped"] = "lightly_damped"
+    gains: Gains = dc.field(default_factory=LightlyDamped)
     kp: tuple[NonNegative, ...] | None = None
     kd: tuple[NonNegative, ...] | None = None
     gravity_compensation: bool = True

@@ -12,12 +12,8 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.systems.hand_path import AddHandPathSource, HandPath, SolveHandPath
 from mffdrake.systems.pa10 import JOINT_NAMES, NUM_JOINTS, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import (
-    PD_GAINS,
-    AddGravityCompensation,
-    PdController,
-    PdGains,
-)
+from mffdrake.systems.pd_controller import AddGravityCompensation, PdController
+from mffdrake.systems.pd_gains import PD_GAINS, PdGains
 from mffdrake.systems.timing import Timing
 
 KP, KD = np.array([100.0, 20.0]), np.array([3.0, 0.5])

@@ -1,0 +1,220 @@
+"""Gains of the PD controller: the PA-10's presets, and any arm's from its mass matrix."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+
+from mffdrake.recognition.parameters import NonNegative, OneOf, Positive, parameters
+from mffdrake.systems.arm import MovingJoints
+from mffdrake.systems.pa10 import JOINT_NAMES
+
+__all__ = ["PD_GAINS", "Gains", "LightlyDamped", "NaturalFrequency", "PdGains", "WellDamped"]
+
+Array = NDArray[np.float64]
+
+_LEAST_INERTIA = 0.01  # of the largest
+
+
+@dataclass(frozen=True, kw_only=True)
+class PdGains:
+    """Gains of the arm's PD controller, one number a joint in the order of ``JOINT_NAMES``.
+
+    Both presets are ``kp = M w^2`` and ``kd = 2 zeta w M``, rounded. M = (2.95, 4.09, 1.09, 1.07,
+    0.04, 0.04, 0.02) kg m^2 stands for the diagonal of the arm's mass matrix at its nominal pose;
+    the wrist's values are raised, for its own (0.020, 0.014, 0.006) would leave it too soft.
+
+    Attributes:
+        kp: Stiffness [N m/rad].
+        kd: Damping [N m s/rad].
+
+    Example:
+        >>> PdGains.FromPreset("lightly_damped").kp
+        (116.0, 161.0, 43.0, 42.0, 1.6, 1.6, 0.8)
+    """
+
+    kp: tuple[float, ...]
+    kd: tuple[float, ...]
+
+    @classmethod
+    def LightlyDamped(cls) -> PdGains:
+        """The paper's Fig. 6: the hand visibly oscillates for the first 30 s. The default.
+
+        w = 2 pi 1.0 rad/s and zeta = 0.018. The zero-order hold and its delay of one control
+        period (1 ms) take ``kp`` times 1 ms off the damping, a sixth of it.
+
+        Measured with gravity compensation and effort limits, starting at rest in the path's first
+        pose while the path starts at full speed; the hand's distance from the desired position:
+
+        =============  ==========  ============  ============  ===========  ===========
+        path's omega   peak 0-5 s  peak 10-15 s  peak 30-35 s  rms 10-15 s  rms 30-40 s
+        =============  ==========  ============  ============  ===========  ===========
+        0.105 rad/s    10.3 mm     5.3 mm        1.9 mm        3.2 mm       1.0 mm
+        0.157 rad/s    15.3 mm     7.9 mm        2.8 mm        4.9 mm       1.5 mm
+        0.314 rad/s    30.6 mm     16.3 mm       6.0 mm        10.0 mm      3.2 mm
+        =============  ==========  ============  ============  ===========  ===========
+
+        At 0.105 rad/s the hand's direction is off by up to 1.1 deg at first, 0.35 deg after 10 s
+        and 0.13 deg after 30 s. The joints are coupled: the slowest mode, S1 with S3, swings at
+        0.75 Hz and lasts longest.
+        """
+        return PD_GAINS["lightly_damped"]
+
+    @classmethod
+    def WellDamped(cls) -> PdGains:
+        """A good controller: the hand follows the path within 0.1 mm from 0.5 s on.
+
+        w = 2 pi 3.0 rad/s and zeta = 1. Measured as above, at 0.105 rad/s: 1.2 mm at first and
+        0.02 mm later; at 1.3 rad/s 15 mm at first and 2.6 mm later.
+        """
+        return PD_GAINS["well_damped"]
+
+    @classmethod
+    def FromNaturalFrequency(
+        cls,
+        plant: MultibodyPlant,
+        *,
+        positions: Array,
+        frequency_hz: float,
+        damping_ratio: float,
+        model_instance: ModelInstanceIndex | None = None,
+    ) -> PdGains:
+        """Gains of any arm: ``kp = M w^2`` and ``kd = 2 zeta w M``, w = 2 pi frequency.
+
+        M is the diagonal of the mass matrix at a posture, with the rotors' inertia where the model
+        tells it. Joints with less than 1 % of the largest inertia, such as a wrist's, are taken for
+        that: with their own they would give way to the other joints' motion. The joints are
+        coupled, so that the arm's modes swing somewhat slower and faster than the frequency.
+
+        Args:
+            plant: A finalized plant with the arm.
+            positions: The posture [rad, or m where a joint slides], shape (n,).
+            frequency_hz: Natural frequency of each joint by itself [Hz].
+            damping_ratio: Its damping ratio; 1 is critical.
+            model_instance: The arm; by default all of the plant.
+
+        Returns:
+            The gains.
+
+        Example:
+            >>> from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+            >>> gains = PdGains.FromNaturalFrequency(
+            ...     MakePa10Plant(), positions=NOMINAL_POSITIONS,
+            ...     frequency_hz=1.0, damping_ratio=0.018)
+            >>> [round(kp) for kp in gains.kp]
+            [117, 162, 43, 42, 2, 2, 2]
+        """
+        context = plant.CreateDefaultContext()
+        rows = slice(None)
+        if model_instance is None:
+            plant.SetPositions(context, positions)
+        else:
+            plant.SetPositions(context, model_instance, positions)
+            starts = [joint.velocity_start() for joint in MovingJoints(plant, model_instance)]
+            rows = slice(starts[0], starts[-1] + 1)
+        inertia = np.diag(plant.CalcMassMatrix(context))[rows]
+        inertia = np.maximum(inertia, _LEAST_INERTIA * inertia.max())
+        omega = 2.0 * math.pi * frequency_hz
+        kp, kd = omega**2 * inertia, 2.0 * damping_ratio * omega * inertia
+        return cls(kp=tuple(kp.tolist()), kd=tuple(kd.tolist()))
+
+    @classmethod
+    def FromPreset(cls, name: str) -> PdGains:
+        """Gains by the name of a preset.
+
+        Args:
+            name: ``lightly_damped`` or ``well_damped``.
+
+        Returns:
+            The gains.
+
+        Raises:
+            ValueError: If there is no such preset; the message lists the names.
+        """
+        if name not in PD_GAINS:
+            raise ValueError(f"unknown PD gains '{name}'; known presets: {', '.join(PD_GAINS)}")
+        return PD_GAINS[name]
+
+
+PD_GAINS: Mapping[str, PdGains] = MappingProxyType(
+    {
+        "lightly_damped": PdGains(
+            kp=(116.0, 161.0, 43.0, 42.0, 1.6, 1.6, 0.8),
+            kd=(0.667, 0.925, 0.247, 0.242, 0.0091, 0.0091, 0.0045),
+        ),
+        "well_damped": PdGains(
+            kp=(1050.0, 1450.0, 390.0, 380.0, 14.0, 14.0, 7.1),
+            kd=(111.0, 154.0, 41.0, 40.0, 1.5, 1.5, 0.75),
+        ),
+    }
+)
+"""The presets of :class:`PdGains` by name."""
+
+
+@parameters
+class NaturalFrequency:
+    """Gains from the arm's mass matrix, see `PdGains.FromNaturalFrequency`.
+
+    Attributes:
+        frequency_hz: Natural frequency of each joint by itself [Hz].
+        damping_ratio: Its damping ratio; 1 is critical.
+    """
+
+    frequency_hz: Positive = 1.0
+    damping_ratio: NonNegative = 1.0
+
+    def MakeGains(
+        self, plant: MultibodyPlant, model_instance: ModelInstanceIndex, positions: Array
+    ) -> PdGains:
+        """The gains of an arm at a posture [rad], shape (n,)."""
+        return PdGains.FromNaturalFrequency(
+            plant,
+            positions=positions,
+            frequency_hz=self.frequency_hz,
+            damping_ratio=self.damping_ratio,
+            model_instance=model_instance,
+        )
+
+
+class _Preset:
+    """The PA-10's rounded numbers; for any other arm what they stand for."""
+
+    name: str
+    design: NaturalFrequency
+
+    def MakeGains(
+        self, plant: MultibodyPlant, model_instance: ModelInstanceIndex, positions: Array
+    ) -> PdGains:
+        """The gains of an arm at a posture [rad], shape (n,)."""
+        names = [joint.name() for joint in MovingJoints(plant, model_instance)]
+        if tuple(names) == JOINT_NAMES:
+            return PD_GAINS[self.name]
+        return self.design.MakeGains(plant, model_instance, positions)
+
+
+@parameters
+class LightlyDamped(_Preset):
+    """The paper's Fig. 6, in which the hand visibly oscillates; see `PdGains.LightlyDamped`."""
+
+    name = "lightly_damped"
+    design = NaturalFrequency(frequency_hz=1.0, damping_ratio=0.018)
+
+
+@parameters
+class WellDamped(_Preset):
+    """A good controller; see `PdGains.WellDamped`."""
+
+    name = "well_damped"
+    design = NaturalFrequency(frequency_hz=3.0, damping_ratio=1.0)
+
+
+Gains: TypeAlias = Annotated[LightlyDamped | WellDamped | NaturalFrequency, OneOf()]
+"""A parameter that says how stiff and how damped the joints are."""
