@@ -12,8 +12,8 @@ import pytest
 import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
+from mffdrake.experiment.camera_sections import StereoCameraConfig
 from mffdrake.experiment.scenario import METHODS, Change, LoadScenario, Scenario, ScenarioError
-from mffdrake.experiment.scenario_sections import StereoCameraConfig
 from mffdrake.experiment.target import CalcDesiredPose
 from mffdrake.recognition import (
     CameraRig,
@@ -602,10 +602,10 @@ WRONG = {
     int: ["text", True, None, 1.5, [1], _MAPPING, math.nan, math.inf],
     str: [3, 1.5, True, None, ["text"], _MAPPING],
     bool: ["text", 1, None, [True], _MAPPING],
-    tuple: ["text", 3, True, None, _MAPPING, ["text"], [[1.0]], [True], [None], [math.nan]],
+    tuple: ["text", 3, True, _MAPPING, [[1.0, [2.0]]], [None]],
     typing.Literal: ["text", 3, True, None, ["text"], _MAPPING],
-    typing.Union: ["text", 3, True, [1.0], _MAPPING],
-    types.UnionType: ["text", 3, True, [1.0], _MAPPING],
+    typing.Union: ["text", True, [None], _MAPPING],
+    types.UnionType: ["text", True, [None], _MAPPING],
 }
 
 

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import System
 
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import LoadScenario, ScenarioError
+from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.experiment.simulation import Simulate, SimulationResult
 from mffdrake.recognition.pose import pose_from_transform
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
@@ -27,12 +27,10 @@ STAGES = ["render", "recognition", "prediction", "total"]
 
 def load(text=""):
     """A fast swing seen in small images for less than a second."""
-    scenario = LoadScenario(text=text)
-    scenario.camera.width, scenario.camera.height = 160, 120
-    scenario.hand_path.omega = 0.314
+    values = {"camera.width": 160, "camera.height": 120, "hand_path.omega": 0.314}
     if "duration" not in text:
-        scenario.duration = 0.7
-    return scenario
+        values["duration"] = 0.7
+    return Change(LoadScenario(text=text), values)
 
 
 def assert_bitwise_equal(first, second):
