@@ -40,7 +40,7 @@ from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PdController
 from mffdrake.systems.predictor import MffPredictor
-from mffdrake.systems.recognizer import OneStepGaRecognizer
+from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 
@@ -76,10 +76,9 @@ def port_block(value):
     return yaml.safe_load(textwrap.dedent(block))
 
 
-def make_recognizer():
+def make_tracker():
     box = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
-    matcher = Matcher(SearchModel(box), RIG)
-    return OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
+    return OneStepGaTracker(matcher=Matcher(SearchModel(box), RIG))
 
 
 def make_visualizer():
@@ -120,9 +119,10 @@ SYSTEMS = {
     "AddStereoCamera": make_stereo_camera,
     "MakeHandEyeDiagram": make_hand_eye,
     "MffPredictor": lambda: MffPredictor(plant=MakePa10Plant()),
-    "OneStepGaRecognizer": make_recognizer,
+    "OneStepGaRecognizer": lambda: OneStepGaRecognizer(tracker=make_tracker()),
     "PdController": lambda: PdController(kp=[1.0, 2.0], kd=[0.1, 0.2]),
     "PoseEstimateVisualizer": make_visualizer,
+    "PoseRecognizer": lambda: PoseRecognizer(tracker=make_tracker()),
 }
 """How to make each documented system."""
 
