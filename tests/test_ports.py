@@ -89,10 +89,9 @@ def port_block(value):
     return yaml.safe_load(textwrap.dedent(block))
 
 
-def make_recognizer():
+def make_tracker():
     box = SolidModel.box((0.100, 0.150, 0.200), (RED, GREEN, BLUE))
-    matcher = Matcher(SearchModel(box), RIG)
-    return OneStepGaRecognizer(tracker=OneStepGaTracker(matcher=matcher))
+    return OneStepGaTracker(matcher=Matcher(SearchModel(box), RIG))
 
 
 def make_visualizer():
@@ -133,8 +132,6 @@ SYSTEMS = {
     "AddStereoCamera": make_stereo_camera,
     "MakeHandEyeDiagram": make_hand_eye,
     "MffPredictor": lambda: MffPredictor(plant=MakePa10Plant()),
-    "OneStepGaRecognizer": make_recognizer,
-    "PoseRecognizer": lambda: PoseRecognizer(tracker=make_recognizer().tracker),
     "PixelFilter": lambda: PixelFilter(
         GaussianNoise(), stream=RandomStream(0, 0, "right"), timing=Timing()
     ),
@@ -143,8 +140,10 @@ SYSTEMS = {
     ),
     "LensDistortion": lambda: LensDistortion(FISHEYE, RIG.cameras[0]),
     "MovingShapes": lambda: MovingShapes([], lambda time: []),
+    "OneStepGaRecognizer": lambda: OneStepGaRecognizer(tracker=make_tracker()),
     "PdController": lambda: PdController(kp=[1.0, 2.0], kd=[0.1, 0.2]),
     "PoseEstimateVisualizer": make_visualizer,
+    "PoseRecognizer": lambda: PoseRecognizer(tracker=make_tracker()),
 }
 """How to make each documented system."""
 

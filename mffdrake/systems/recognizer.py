@@ -157,8 +157,9 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             generation = self._tracker.start_population(images, frame=frame)
             _CheckGeneration(generation, self._tracker, "start_population")
         else:
-            fitness = context.get_discrete_state(self._fitness).value()
-            covariance = context.get_discrete_state(self._covariance).value()
+            # Copies: a tracker may write on what it is given, but not on the Context.
+            fitness = context.get_discrete_state(self._fitness).value().copy()
+            covariance = context.get_discrete_state(self._covariance).value().copy()
             refined = None if math.isnan(covariance[0]) else covariance.reshape(6, 6)
             red, green, blue = context.get_discrete_state(self._gains).value().tolist()
             last = Generation(self._CarriedPoses(context), fitness, refined, (red, green, blue))
@@ -177,8 +178,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
         """The last frame's hypotheses: predicted where a predictor is connected."""
         if self._predicted.HasValue(context):
-            return self._predicted.Eval(context).reshape(-1, 6)
-        return context.get_discrete_state(self._poses).value().reshape(-1, 6)
+            return self._predicted.Eval(context).reshape(-1, 6).copy()
+        return context.get_discrete_state(self._poses).value().reshape(-1, 6).copy()
 
     def _Image(self, context: Context, port) -> NDArray[np.uint8]:
         """A port's pixels: a view, valid until the next rendering."""

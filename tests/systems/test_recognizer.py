@@ -4,6 +4,7 @@ The images are a box drawn pixel by pixel: flat colors on grey.
 """
 
 import colorsys
+import dataclasses as dc
 
 import numpy as np
 import pytest
@@ -29,7 +30,9 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
-from mffdrake.systems.recognizer import OneStepGaRecognizer
+from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 from mffdrake.systems.timing import Timing
 
 N = 20
@@ -478,3 +481,211 @@ def test_another_seed_gives_another_population():
         take_frame(recognizer, context)
         ends.append(recognizer.GetOutputPort("population").Eval(context))
     assert np.any(ends[0] != ends[1])
+
+
+# Any other tracker
+
+
+@dc.dataclass(frozen=True)
+class ColumnTracker:
+    """Sees which column of the only image is the reddest; says so in the pose's x [px]."""
+
+    rig: CameraRig = CameraRig(RIG.cameras[:1])  # noqa: RUF009
+    num_hypotheses: int = 1
+    initial_pose: np.ndarray = dc.field(default_factory=lambda: np.array([7.0, 0, 0.8, 0, 0, 0]))
+    covariance: np.ndarray | None = None
+    gains: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+    def start_population(self, images, *, frame):
+        n = self.num_hypotheses
+        start = Generation(np.tile(self.initial_pose, (n, 1)), np.zeros(n))
+        return self.look(start, images)
+
+    def track(self, generation, images, *, frame):
+        return self.look(generation, images)
+
+    def look(self, generation, images):
+        poses, fitness = generation.poses.copy(), np.zeros(self.num_hypotheses)
+        red = images[0][..., 0].sum(axis=0, dtype=float)
+        if np.ptp(red) > 0:
+            poses[0, 0], fitness[0] = np.argmax(red), 1.0
+        return Generation(poses, fitness, self.covariance, self.gains)
+
+
+def show_column(recognizer, context, column):
+    """An image with one red column, or all black."""
+    image = np.zeros((CAMERA.height, CAMERA.width, 4), dtype=np.uint8)
+    if column is not None:
+        image[:, column, 0] = 255
+    recognizer.GetInputPort("color_image_right").FixValue(context, to_drake(image))
+
+
+def test_there_is_an_image_port_for_each_camera_of_the_trackers_rig():
+    recognizer = PoseRecognizer(tracker=ColumnTracker())
+    assert recognizer.HasInputPort("color_image_right")
+    assert not recognizer.HasInputPort("color_image_left")
+    assert recognizer.num_hypotheses == 1
+    assert recognizer.GetInputPort("predicted_population").size() == 6
+
+
+def test_before_the_first_frame_the_pose_is_the_trackers_initial_one():
+    tracker = ColumnTracker(num_hypotheses=3)
+    recognizer = PoseRecognizer(tracker=tracker)
+    values = outputs(recognizer, recognizer.CreateDefaultContext())
+    np.testing.assert_array_equal(values["population"], np.tile(tracker.initial_pose, 3))
+    np.testing.assert_array_equal(values["population_fitness"], np.zeros(3))
+
+
+def test_any_tracker_takes_the_frames():
+    recognizer = PoseRecognizer(tracker=ColumnTracker(covariance=2.0 * np.eye(6)))
+    context = recognizer.CreateDefaultContext()
+    for column in (11, 100, 0):
+        show_column(recognizer, context, column)
+        take_frame(recognizer, context)
+        assert recognizer.GetOutputPort("pose").Eval(context)[0] == column
+        assert recognizer.GetOutputPort("fitness").Eval(context) == 1.0
+        covariance = recognizer.GetOutputPort("pose_covariance").Eval(context)
+        np.testing.assert_array_equal(covariance.reshape(6, 6), 2.0 * np.eye(6))
+
+
+def test_what_a_tracker_returns_comes_back_to_it_in_the_next_frame():
+    class Remembering(ColumnTracker):
+        def track(self, generation, images, *, frame):
+            seen.append((frame, generation))
+            return super().track(generation, images, frame=frame)
+
+    seen = []
+    recognizer = PoseRecognizer(
+        tracker=Remembering(covariance=3.0 * np.eye(6), gains=(0.9, 1.0, 1.1))
+    )
+    context = recognizer.CreateDefaultContext()
+    for column in (5, 6):
+        show_column(recognizer, context, column)
+        take_frame(recognizer, context)
+    frame, last = seen[-1]
+    assert frame == 1
+    assert last.best[0] == 5.0 and last.fitness == 1.0
+    assert last.gains == (0.9, 1.0, 1.1)
+    np.testing.assert_array_equal(last.covariance, 3.0 * np.eye(6))
+
+
+def test_a_tracker_may_write_on_what_it_is_given():
+    class Overwriting(ColumnTracker):
+        def track(self, generation, images, *, frame):
+            result = super().track(generation, images, frame=frame)
+            for array in (generation.poses, generation.fitness, generation.covariance):
+                array[:] = 9.0
+            return result
+
+    recognizer = PoseRecognizer(tracker=Overwriting(covariance=np.eye(6)))
+    context = recognizer.CreateDefaultContext()
+    show_column(recognizer, context, 5)
+    take_frame(recognizer, context)
+    predicted = recognizer.GetOutputPort("pose").Eval(context).copy()
+    recognizer.GetInputPort("predicted_population").FixValue(context, predicted)
+    before = state(context)
+    recognizer.CalcForcedDiscreteVariableUpdate(context, recognizer.AllocateDiscreteVariables())
+    np.testing.assert_array_equal(state(context), before)
+    carried = recognizer.GetInputPort("predicted_population").Eval(context)
+    np.testing.assert_array_equal(carried, predicted)
+
+
+def test_where_nothing_is_found_the_carried_pose_stays_with_fitness_0():
+    recognizer = PoseRecognizer(tracker=ColumnTracker())
+    context = recognizer.CreateDefaultContext()
+    show_column(recognizer, context, 50)
+    take_frame(recognizer, context)
+    predicted = recognizer.GetOutputPort("pose").Eval(context) + 0.125
+    recognizer.GetInputPort("predicted_population").FixValue(context, predicted)
+    show_column(recognizer, context, None)
+    take_frame(recognizer, context)
+    np.testing.assert_array_equal(recognizer.GetOutputPort("pose").Eval(context), predicted)
+    assert recognizer.GetOutputPort("fitness").Eval(context) == 0.0
+
+
+def test_one_hypothesis_goes_through_the_predictor():
+    """The arm's base turns while nothing is seen: the pose moves as the predictor says."""
+    builder = DiagramBuilder()
+    timing = Timing(vision_period=0.05)
+    recognizer = builder.AddSystem(PoseRecognizer(tracker=ColumnTracker(), timing=timing))
+    predictor = builder.AddSystem(
+        MffPredictor(plant=MakePa10Plant(), num_hypotheses=1, timing=recognizer.timing)
+    )
+    population, predicted = "population", "predicted_population"
+    builder.Connect(recognizer.GetOutputPort(population), predictor.GetInputPort(population))
+    builder.Connect(predictor.GetOutputPort(predicted), recognizer.GetInputPort(predicted))
+    builder.ExportInput(recognizer.GetInputPort("color_image_right"), "color_image_right")
+    builder.ExportInput(predictor.GetInputPort("estimated_state"), "state")
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    recognizer_context = recognizer.GetMyContextFromRoot(context)
+    show_column(diagram, context, None)
+    diagram.GetInputPort("state").FixValue(context, np.append(NOMINAL_POSITIONS, np.zeros(7)))
+    take_frame(diagram, context)
+    turned = NOMINAL_POSITIONS + np.eye(7)[0] * 0.01
+    diagram.GetInputPort("state").FixValue(context, np.append(turned, np.zeros(7)))
+    expected = predictor.GetOutputPort(predicted).Eval(predictor.GetMyContextFromRoot(context))
+    expected = expected.copy()
+    assert np.linalg.norm(expected - recognizer.tracker.initial_pose) > 0.01
+    take_frame(diagram, context)
+    pose = recognizer.GetOutputPort("pose").Eval(recognizer_context)
+    np.testing.assert_array_equal(pose, expected)
+
+
+@pytest.mark.parametrize("timing", [Timing(), Timing(control_period=0.002, vision_period=0.05)])
+def test_its_timing_can_be_read(timing):
+    assert PoseRecognizer(tracker=ColumnTracker(), timing=timing).timing == timing
+
+
+def test_the_1_step_ga_is_a_tracker_like_any_other():
+    tracker = make_tracker()
+    contexts = []
+    for recognizer in (OneStepGaRecognizer(tracker=tracker), PoseRecognizer(tracker=tracker)):
+        context = recognizer.CreateDefaultContext()
+        for frame in range(3):
+            fix_images(recognizer, context, true_pose(0.033 * frame))
+            take_frame(recognizer, context)
+        contexts.append(context)
+    np.testing.assert_array_equal(*(state(context) for context in contexts))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"num_hypotheses": 0}, "ColumnTracker: num_hypotheses must be at least 1, not 0"),
+        ({"initial_pose": np.zeros(7)}, "ColumnTracker: initial_pose must be a pose vector of 6"),
+        ({"initial_pose": np.full(6, np.nan)}, "initial_pose must be .* 6 finite numbers"),
+    ],
+)
+def test_a_tracker_that_tells_no_sizes_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        PoseRecognizer(tracker=ColumnTracker(**changes))
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (
+            {"poses": np.zeros(6)},
+            r"poses of shape \(6,\); with num_hypotheses 1 it must be of shape \(1, 6\)",
+        ),
+        ({"poses": np.zeros((2, 6))}, r"poses of shape \(2, 6\); .* of shape \(1, 6\)"),
+        ({"fitness": 0.5}, r"fitness of shape \(\); .* of shape \(1,\)"),
+        ({"covariance": np.zeros(6)}, r"covariance of shape \(6,\); .* of shape \(6, 6\)"),
+        ({"gains": (1.0,)}, r"gains of shape \(1,\); .* of shape \(3,\)"),
+        ({"poses": np.full((1, 6), np.nan)}, "poses or fitness .* not finite; .* carried poses"),
+        ({"fitness": np.array([np.inf])}, "poses or fitness .* not finite; .* with fitness 0"),
+    ],
+)
+@pytest.mark.parametrize("method", ["start_population", "track"])
+def test_wrong_arrays_from_a_tracker_are_told(method, returned, message):
+    def return_wrong(self, *arguments, frame):
+        return dc.replace(getattr(ColumnTracker, method)(self, *arguments, frame=frame), **returned)
+
+    tracker = type("Wrong", (ColumnTracker,), {method: return_wrong})()
+    recognizer = PoseRecognizer(tracker=tracker)
+    context = recognizer.CreateDefaultContext()
+    show_column(recognizer, context, 5)
+    with pytest.raises(ValueError, match=rf"Wrong\.{method} returned {message}"):
+        for _ in range(2):
+            take_frame(recognizer, context)
