@@ -129,8 +129,9 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     seeds = _ReadSeeds(data.get("seeds", 1), base.seed)
     if data.get("grid") == {}:
         raise ScenarioError("grid has no keys; write such as {method: [ga, mff]}, or leave it out")
-    values = _ReadValues(data.get("grid", {}), base)
-    runs = tuple(_MakeRuns(base, values, seeds))
+    columns = _ReadColumns(data.get("grid", {}), base)
+    runs = tuple(_MakeRuns(base, columns, seeds))
+    values = {key: [value for value, _ in column] for key, column in columns.items()}
     return Grid(scenario=base, values=values, seeds=seeds, runs=runs)
 
 
@@ -160,11 +161,16 @@ def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-def _ReadValues(data: Any, base: Scenario) -> dict[str, list[Any]]:
-    """The varied keys' values, each checked on its own."""
+# Values as the scenario writes them, with what is wrong with those that are no good by themselves;
+# together with other keys' values they may be.
+_Column = list[tuple[Any, ScenarioError | None]]
+
+
+def _ReadColumns(data: Any, base: Scenario) -> dict[str, _Column]:
+    """The varied keys' values."""
     if not isinstance(data, dict):
         raise ScenarioError(f"grid must be a mapping such as {{method: [ga, mff]}}, not {data!r}")
-    columns: dict[str, list[Any]] = {}
+    columns: dict[str, _Column] = {}
     for key, values in data.items():
         if not isinstance(key, str):
             raise ScenarioError(f"grid: a key must be a scenario's key, not {key!r}")
@@ -179,7 +185,7 @@ def _ReadValues(data: Any, base: Scenario) -> dict[str, list[Any]]:
             what = "an empty list" if values == [] else repr(values)
             raise ScenarioError(f"grid: {key} must be a list of values, not {what}")
         columns[key] = [_ReadValue(key, value, base) for value in values]
-        _RequireDistinct(columns[key], f"grid: {key}")
+        _RequireDistinct([value for value, _ in columns[key]], f"grid: {key}")
     return columns
 
 
@@ -199,19 +205,22 @@ def _CheckKey(key: str, base: Scenario) -> None:
             raise ScenarioError(f"grid: {key}: {error}") from error
 
 
-def _ReadValue(key: str, value: Any, base: Scenario) -> Any:
-    """The value as the scenario writes it."""
+def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, ScenarioError | None]:
     try:
-        found = plain(Change(base, {key: value}))
+        return _Find(plain(Change(base, {key: value})), key, value), None
     except ScenarioError as error:
         message = str(error)
         where = "" if message.startswith(f"{key} ") else f"{key}: "
-        raise ScenarioError(f"grid: {where}{message}") from error
+        return value, ScenarioError(f"grid: {where}{message}")
+
+
+def _Find(data: Any, key: str, value: Any) -> Any:
+    """What stands under a dotted key; below a choice at its defaults, the value that is given."""
     for name in key.split("."):
-        if isinstance(found, str):  # A choice whose parameters are all at their defaults.
+        if isinstance(data, str):
             return value
-        found = found[name]
-    return found
+        data = data[name]
+    return data
 
 
 def _Remove(data: dict[str, Any], names: list[str]) -> None:
@@ -224,14 +233,17 @@ def _Remove(data: dict[str, Any], names: list[str]) -> None:
 
 
 def _MakeRuns(
-    base: Scenario, columns: dict[str, list[Any]], seeds: tuple[int, ...]
+    base: Scenario, columns: dict[str, _Column], seeds: tuple[int, ...]
 ) -> Iterator[GridRun]:
     """All runs, in order."""
     for combination in itertools.product(*columns.values()):
-        values = dict(zip(columns, combination, strict=True))
+        values = {key: value for key, (value, _) in zip(columns, combination, strict=True)}
         try:
             scenario = Change(base, values)
         except ScenarioError as error:
+            for _, alone in combination:
+                if alone is not None:
+                    raise alone from error
             shown = ", ".join(f"{key} {json.dumps(value)}" for key, value in values.items())
             raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
         for seed in seeds:

@@ -48,7 +48,7 @@ class PoseEstimateVisualizer(LeafSystem):
         meshcat: Where to show it, below the path "estimate".
         plant: The plant with the camera.
         mesh: The target's mesh file.
-        camera_frame: The camera's frame C in the plant; by default the one named ``camera_right``.
+        camera_frame: The camera's frame C in the plant, or its name.
     """
 
     def __init__(
@@ -57,12 +57,14 @@ class PoseEstimateVisualizer(LeafSystem):
         meshcat: Meshcat,
         plant: MultibodyPlant,
         mesh: Path,
-        camera_frame: Frame | None = None,
+        camera_frame: Frame | str = "camera_right",
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
         self._plant = plant
-        self._frame = camera_frame or plant.GetFrameByName("camera_right")
+        if isinstance(camera_frame, str):
+            camera_frame = plant.GetFrameByName(camera_frame)
+        self._frame = camera_frame
         self._kinematics = plant.CreateDefaultContext()  # Scratch space, written before every use.
         self._estimate = self.DeclareAbstractInputPort("X_CM", AbstractValue.Make(RigidTransform()))
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
@@ -99,7 +101,7 @@ def AddMeshcat(
     scene_graph: SceneGraph,
     estimate: OutputPort,
     mesh: Path,
-    camera_frame: Frame | None = None,
+    camera_frame: Frame | str = "camera_right",
 ) -> None:
     """Adds the scene and the estimated pose to Meshcat.
 

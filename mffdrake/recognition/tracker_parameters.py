@@ -43,8 +43,9 @@ class TrackerParameters(GeneticParameters, GeneCoding):
 
     Example:
         >>> from mffdrake.recognition.parameters import read_parameters
-        >>> read_parameters(TrackerParameters, {"bits": 14, "refinement": "borders"}).refinement
-        RefinementParameters(window=8, fine_window=3, ...)
+        >>> data = {"bits": 14, "refinement": "borders"}
+        >>> read_parameters(TrackerParameters, data).refinement.window
+        8
     """
 
     generations_per_frame: Count = 1

@@ -118,8 +118,8 @@ def test_no_scenarios_make_no_results():
 
 
 def bad_scenarios():
-    missing = load()
-    missing.target.model = "missing.sdf"  # Found out only where the diagram is built.
+    # Found out only where the diagram is built.
+    missing = Change(load(), {"target.model": "missing.sdf"})
     far = load("hand_path: {X_WE0: {translation: [3, 0, 0.455]}}")
     return [(missing, ScenarioError, "target.model"), (far, UnreachablePathError, "t = 0.00 s")]
 

@@ -241,9 +241,8 @@ def test_a_path_that_the_arm_cannot_follow_is_an_error_of_its_own():
 
 
 def test_a_target_inside_the_search_range_is_nothing_to_tell(caplog):
-    scenario = load("duration: 60")
-    for scenario.hand_path.omega in (0.105, 0.314):
-        MakeHandEyeDiagram(scenario)
+    for omega in (0.105, 0.314):
+        MakeHandEyeDiagram(load(f"{{duration: 60, hand_path: {{omega: {omega}}}}}"))
     assert caplog.records == []
 
 

@@ -98,6 +98,20 @@ def test_runs_share_nothing_with_the_mapping_that_they_were_made_of():
     assert grid.runs[0].values == {"target.X_WM.translation": [1.7, 0.0, 0.45]}
 
 
+def test_values_that_are_good_together_only_are_good(tmp_path):
+    text = """
+scenario: {recognizer: {refinement: borders}}
+grid: {recognizer.refinement.fine_window: [3, 10], recognizer.refinement.window: [12, 16]}
+"""
+    grid = load(text, tmp_path)
+    windows = [
+        (run.scenario.recognizer.refinement.fine_window, run.scenario.recognizer.refinement.window)
+        for run in grid.runs
+    ]
+    assert windows == [(3, 12), (3, 16), (10, 12), (10, 16)]
+    assert load(grid.Dump(), tmp_path).runs == grid.runs
+
+
 BAD = {
     "empty": ("", "must be a mapping with some of the keys scenario, grid, seeds"),
     "a list": ("[1, 2]", "must be a mapping"),
@@ -124,8 +138,8 @@ BAD = {
     "wrong choice": ("grid: {method: [ga, best]}", "grid: .*method must be one of ga, mff.*'best'"),
     "wrong range": ("grid: {hand_path.omega: [-1]}", "grid: .*omega must be at least 0.*-1"),
     "wrong together": (
-        "grid: {duration: [1], timing.control_period: [0.033, 33]}",
-        'with duration 1.0, timing.control_period 33.0: .*duration must be at least',
+        "grid: {recognizer.local_share: [0.8], recognizer.newcomer_share: [0.1, 0.3]}",
+        "with recognizer.local_share 0.8, recognizer.newcomer_share 0.3: .*must not exceed 1",
     ),
     "twice": ("grid: {hand_path.omega: [1, 2, 1.0]}", "hand_path.omega has the value 1.0 twice"),
     "a key twice": ("grid: {method: [ga], method: [mff]}", "the key 'method' stands there twice"),

@@ -27,6 +27,7 @@ from mffdrake.recognition import (
 )
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pa10 import AddCameraFrames
+from mffdrake.systems.pd_gains import LightlyDamped
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.timing import Timing
 
@@ -88,7 +89,7 @@ def test_the_defaults_are_the_papers_values():
         "hand_path.amplitude_deg": 15.0,
         "hand_path.distance": 0.8,
         "hand_path.omega": 0.105,
-        "controller.gains": "lightly_damped",
+        "controller.gains": LightlyDamped(),
         "camera.width": 640,
         "camera.height": 480,
         "camera.fov_y_deg": 45.0,
@@ -316,7 +317,21 @@ controller:
   gravity_compensation: false
 camera: {width: 320, height: 200, fov_y_deg: 33.3, baseline: 0.1, p_EC: [0.01, -0.1, 0.02],
   latency: 0.066}
-encoders: {noise_deg: 0.01}
+encoders: {noise_deg: 0.01, offset_deg: [1, 2, 3, 4, 5, 6, 7], resolution_deg: 0.02}
+arm:
+  directives:
+  - add_model: {name: ur5e, file: scenarios/arms/ur5e.urdf}
+  - add_weld: {parent: world, child: ur5e::base_link, X_PC: {rotation: !Rpy {deg: [1, 2, 3]}}}
+  model: ur5e
+  hand_frame: tool
+  nominal_deg: [17, -107, -107, 33, 73, 0]
+  held_joints: []
+cameras:
+- {name: eye, width: 320, focal: !FocalLength {x: 300}, X_PB: {base_frame: tool}, latency: 0.002}
+- {name: fish, distortion: !Equidistant {coefficients: [0.1, 0, 0, 0]}, center_x: 300.5}
+calibration: {focal_error: 0.01, baseline_error: -0.002}
+disturbances: [black, !GaussianNoise {cameras: [eye], deviation: 3}]
+clutter: [!Distractors {number: 3}, occluder]
 target:
   model: /tmp/prism.sdf
   X_WM: {translation: [1.5, 0.2, 0.3], rotation: !AngleAxis {angle_deg: 77.7, axis: [1, 2, 3]}}
@@ -351,7 +366,8 @@ recognizer:
     min_cosine: 0.02
     min_border_distance: 0
   local_moves: {depth: 0.1, shift: 0.02, rotation_deg: 20, decades: 1.5, sparsity: 0.4}
-predictor: {mode: velocity, latency: 0.034, gain: 0.9, hand_eye_error_deg: [1, 2, -3]}
+predictor: {mode: velocity, latency: 0.034, gain: 0.9, hand_eye_error_deg: [1, 2, -3],
+  hand_eye_error: [0.001, 0, 0]}
 timing: {control_period: 0.002, vision_period: 0.05}
 method: ga
 renderer: vtk
@@ -434,9 +450,8 @@ def test_a_dump_shows_every_key():
         ("timing: {control_period: 0}", "control_period", "positive"),
         ("timing: {control_period: -0.001}", "control_period", "positive, not -0.001"),
         ("timing: {vision_period: -0.033}", "vision_period", "positive, not -0.033"),
-        ("timing: {vision_period: .inf}", "vision_period", "positive"),
-        ("timing: {vision_period: 0.0335}", "vision_period", "whole multiple of .*control_period"),
-        ("timing: {control_period: 0.1}", "vision_period", "whole multiple of .*control_period"),
+        ("timing: {vision_period: .inf}", "vision_period", "finite"),
+        ("timing: {control_period: 0.1}", "vision_period", "at least control_period .*0.1 s"),
         ("hand_path: {omega: -0.1}", "hand.path.*omega", "at least 0, not -0.1"),
         ("hand_path: {omega: .inf}", "hand.path.*omega", "finite"),
         ("hand_path: {distance: 0}", "hand.path.*distance", "positive"),

@@ -226,9 +226,7 @@ def test_the_recognized_pose_comes_near_the_true_one(result):
 
 def test_the_same_seed_gives_the_same_bits_and_another_one_others(scenario, result):
     assert_bitwise_equal(Simulate(scenario), result)  # Also from a diagram of its own.
-    other = LoadScenario(text=scenario.Dump())
-    other.seed = 1
-    other = Simulate(other)
+    other = Simulate(dc.replace(scenario, seed=1))
     np.testing.assert_array_equal(other.true_pose, result.true_pose)  # The arm knows no chance.
     assert np.any(other.recognized_pose[0] != result.recognized_pose[0])
     assert np.any(other.fitness != result.fitness)
@@ -287,7 +285,7 @@ def test_a_record_that_cannot_be_saved_or_loaded_is_an_os_error(tmp_path, result
 def test_bad_scenarios_are_errors_before_anything_runs():
     frames = []
     for scenario, error in (
-        (dc.replace(load(), seed=-1), ScenarioError),
+        (Change(load(), {"target.model": "missing.sdf"}), ScenarioError),
         (load("hand_path: {X_WE0: {translation: [3, 0, 0]}}"), UnreachablePathError),
     ):
         with pytest.raises(error):

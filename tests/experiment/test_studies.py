@@ -23,9 +23,7 @@ def full():
 
 def of(runs, name):
     """A study's scenarios by label."""
-    return {
-        run.variant.label: LoadScenario(text=run.scenario) for run in runs if run.study.name == name
-    }
+    return {run.variant.label: run.scenario for run in runs if run.study.name == name}
 
 
 # Every variant.
@@ -34,7 +32,7 @@ def of(runs, name):
 def test_every_variant_is_a_scenario_that_the_arm_can_follow_to_its_end(full):
     paths = {}
     for run in full:
-        scenario = LoadScenario(text=run.scenario)
+        scenario = run.scenario
         assert scenario.duration == 40.0
         paths[scenario.hand_path.omega, str(scenario.hand_path.X_WE0)] = scenario
     assert len(paths) == 3 + 3 + 2  # The paper's speeds, the places of a fixed camera, faster.
@@ -55,7 +53,7 @@ def test_names_and_labels_are_unique():
 def test_variants_of_a_study_differ_in_more_than_their_label(full):
     # No error is no error about any axis, and the images' age of 0 is known either way.
     for name in {run.study.name for run in full} - {"hand_eye", "latency"}:
-        scenarios = [run.scenario for run in full if run.study.name == name]
+        scenarios = [run.scenario.fingerprint for run in full if run.study.name == name]
         assert len(set(scenarios)) == len(scenarios), name
 
 
@@ -81,14 +79,14 @@ def test_the_tables_have_both_methods_at_the_papers_speeds(full, name, renderer,
 def test_all_but_the_vtk_studies_have_flat_images(full):
     for run in full:
         renderer = "vtk" if run.study.name.startswith("vtk") else "flat"
-        assert f"\nrenderer: {renderer}\n" in run.scenario
+        assert run.scenario.renderer == renderer
 
 
 def test_seeds_go_on_from_the_bases_and_studies_beyond_the_table_have_fewer():
     runs = PlanRuns(MakeStudies(8, vtk_seeds=2), Scenario(seed=3))
     seeds = {}
     for run in runs:
-        assert f"\nseed: {run.seed}\n" in run.scenario
+        assert run.scenario.seed == run.seed
         seeds.setdefault(run.study.name, set()).add(run.seed)
     assert seeds["random"] == seeds["near"] == set(range(3, 11))
     assert seeds["vtk"] == {3, 4}
@@ -96,7 +94,7 @@ def test_seeds_go_on_from_the_bases_and_studies_beyond_the_table_have_fewer():
 
 
 def test_no_vtk_seeds_is_no_vtk():
-    assert not [run for run in plan(seeds=1, vtk_seeds=0) if "renderer: vtk" in run.scenario]
+    assert not [run for run in plan(seeds=1, vtk_seeds=0) if run.scenario.renderer == "vtk"]
 
 
 @pytest.mark.parametrize(("seeds", "vtk_seeds"), [(0, 1), (1, -1)])
@@ -112,7 +110,7 @@ def test_a_fixed_camera_truly_rests_and_sees_the_target_in_the_same_place():
     studies = [study for study in MakeStudies(1, vtk_seeds=0) if study.name == "fixed"]
     places = []
     for run in PlanRuns(studies, LoadScenario(text=SMALL)):
-        result = Simulate(LoadScenario(text=run.scenario))
+        result = Simulate(run.scenario)
         assert np.ptp(result.joint_positions, axis=0).max() < 1e-9  # rad
         np.testing.assert_allclose(1e3 * result.true_pose[0, :3], [0, 155, 800], atol=1e-6)
         # The hand turns about the target, which turns the other way in its eyes.
@@ -136,7 +134,7 @@ def test_the_plain_ga_has_nothing_but_survivors_and_crossover_children():
 def test_latencies_are_whole_frames_known_or_ignored(full):
     for run in full:
         if run.study.name == "latency":
-            scenario = LoadScenario(text=run.scenario)
+            scenario = run.scenario
             frames = scenario.camera.latency / scenario.timing.vision_period
             assert frames == pytest.approx(run.variant.value)
             assert scenario.predictor.latency == {"known": None, "ignored": 0.0}[run.variant.curve]
@@ -164,14 +162,14 @@ def test_what_the_sensitivities_vary(full):
 def test_a_base_is_kept_where_a_study_says_nothing():
     base = LoadScenario(text="{duration: 3, recognizer: {population_size: 30}, renderer: vtk}")
     for run in PlanRuns(MakeStudies(short=True), base):
-        scenario = LoadScenario(text=run.scenario)
+        scenario = run.scenario
         assert (scenario.duration, scenario.recognizer.population_size) == (3.0, 30)
         assert scenario.renderer == "flat"
 
 
 def test_short_is_a_part_of_the_whole(full):
-    short = {run.scenario for run in plan(short=True)}
-    assert short < {run.scenario for run in full}
+    short = {run.scenario.fingerprint for run in plan(short=True)}
+    assert short < {run.scenario.fingerprint for run in full}
     assert len(short) <= 32
 
 
