@@ -144,7 +144,7 @@ def _Run(
                 path = _RecordPath(folder, key)
                 path.parent.mkdir(exist_ok=True)
                 result.Save(path)
-            store.Put(key, run.scenario, code, record)
+            store.Put(key, run.scenario.Dump(), code, record)
             records[run.scenario.fingerprint] = record
             tell(run, record, False)
     return records

@@ -95,7 +95,7 @@ class RunStore:
     Example:
         >>> import tempfile
         >>> store = RunStore(Path(tempfile.mkdtemp()) / "runs.sqlite")
-        >>> store.Put("k", Scenario(seed=1), "code", Record(row={"frames": 4}))
+        >>> store.Put("k", "seed: 1", "code", Record(row={"frames": 4}))
         >>> store.Get(["k", "another"])["k"].row
         {'frames': 4}
     """
@@ -139,12 +139,12 @@ class RunStore:
                     records[key] = Record(row=row, error=found[1], attempts=found[2])
         return records
 
-    def Put(self, key: str, scenario: Scenario, code: str, record: Record) -> None:
+    def Put(self, key: str, scenario: str, code: str, record: Record) -> None:
         """Keeps a run, in place of a failed one.
 
         Args:
             key: See `RunKey`.
-            scenario: The scenario.
+            scenario: The complete scenario, as YAML.
             code: See `CodeFingerprint`.
             record: What became of it.
 
@@ -153,7 +153,7 @@ class RunStore:
         """
         row = None if record.row is None else json.dumps(record.row)
         with self._Transaction() as connection:
-            values = (key, scenario.Dump(), code, record.status, row, record.error, record.attempts)
+            values = (key, scenario, code, record.status, row, record.error, record.attempts)
             connection.execute(_PUT, values)
 
     @contextmanager

@@ -95,7 +95,7 @@ def Sweep(
                     record = Record(
                         row=outcome.value, error=outcome.error, attempts=outcome.attempts
                     )
-                    store.Put(keys[index], grid.runs[index].scenario, code, record)
+                    store.Put(keys[index], grid.runs[index].scenario.Dump(), code, record)
                     records[index] = record
                     tell(record, False)
     finally:

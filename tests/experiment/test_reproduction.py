@@ -307,7 +307,7 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
     result = RunPlan(plan, tmp_path, executor=LocalProcesses(2), on_run=kill)
     assert killed
     for run, row in zip(plan, result.rows, strict=True):
-        expected = Simulate(LoadScenario(text=run.scenario))
+        expected = Simulate(run.scenario)
         assert row["rms"] == Evaluate(expected)["rms"]
         frames = result.records[row["method"], row["omega"]]
         assert frames.recognized_pose.tobytes() == expected.recognized_pose.tobytes()

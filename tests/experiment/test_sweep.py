@@ -23,7 +23,7 @@ from mffdrake.experiment.executors import InProcess
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.grid import LoadGrid, MakeGrid
 from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import Simulate
 from mffdrake.experiment.store import Record, RunStore, StoreError
 from mffdrake.experiment.sweep import OtherCodeError, RunScenario, Sweep
@@ -99,7 +99,7 @@ def test_a_dask_cluster_gives_the_same_bits_also_when_a_worker_is_killed(cluster
 
 def test_rows_are_what_simulating_and_evaluating_by_hand_gives(alone):
     grid, rows = make_grid(seeds=6), alone[1].to_pylist()
-    expected = FlattenRow(Evaluate(Simulate(LoadScenario(text=grid.runs[7].scenario))))
+    expected = FlattenRow(Evaluate(Simulate(grid.runs[7].scenario)))
     assert rows[7]["method"] == "mff" and rows[7]["seed"] == 1
     assert {**expected, "status": "done", "error": None, "attempts": 1}.keys() == rows[7].keys()
     for name, value in expected.items():
@@ -146,9 +146,9 @@ def test_runs_of_other_code_are_left_alone_and_not_taken_for_this_ones(tmp_path)
 
 def test_a_worker_with_other_code_refuses():
     with pytest.raises(OtherCodeError, match="the worker has other code"):
-        RunScenario("", "mffdrake 0.0.1")
+        RunScenario(Scenario(), "mffdrake 0.0.1")
     with pytest.raises(OtherCodeError, match=re.escape(CodeFingerprint())):
-        RunScenario("", "mffdrake 0.0.1")
+        RunScenario(Scenario(), "mffdrake 0.0.1")
 
 
 def test_failed_runs_are_rows_and_are_tried_again(tmp_path):
