@@ -222,15 +222,15 @@ def test_an_identity_is_written_without_a_rotation():
         ("cameras: {}", "cameras must be a mapping from each camera's name to its keys"),
         ("cameras: [a]", "cameras must be a mapping from each camera's name to its keys"),
         ("cameras: !x {}", "cameras must be a mapping from each camera's name to its keys"),
-        ("[a", "not YAML: line 1, column 3: expected ',' or ']', but got '<stream end>'"),
+        ("[a", "not YAML: line 2, column 1: did not find expected ',' or ']'"),
         ("- a", "must be a mapping such as"),
         ("camera: {}", "unknown key 'camera' (did you mean 'cameras'?); known keys: cameras"),
         ("cameras: {a: {}}\nx: 3", "unknown key 'x'; known keys: cameras"),
         (
             f"cameras: {{a: {{{ONE}}}, b: {{}}, a: {{}}}}",
-            "cameras must have different names, not 'a' twice",
+            "the key 'a' stands there twice",
         ),
-        (f"cameras: {{60: {{{ONE}}}, '60': {{}}}}", "cameras must have different names, not '60'"),
+        (f"cameras: {{60: {{{ONE}}}, '60': {{}}}}", "the key '60' stands there twice"),
         (f"cameras: {{yes: {{{ONE}}}}}", "a camera's name in cameras must be a text, not True"),
         (f"cameras: {{'': {{{ONE}}}}}", "a camera's name in cameras must be a text, not ''"),
         (
@@ -282,7 +282,7 @@ def test_an_identity_is_written_without_a_rotation():
         ),
         (
             f"cameras: {{a: {{{ONE}, distortion: {{model: plum}}}}}}",
-            "cameras.a.distortion: model must be one of none, plumb_bob, equidistant, not 'plum'",
+            "cameras.a.distortion.model must be one of none, plumb_bob, equidistant, not 'plum'",
         ),
         (
             f"cameras: {{a: {{{ONE}, distortion: {{model: equidistant, coefficients: [1]}}}}}}",
@@ -295,7 +295,7 @@ def test_an_identity_is_written_without_a_rotation():
         ),
         (
             f"cameras: {{a: {{{ONE}, distortion: {{coefficients: [x]}}}}}}",
-            "cameras.a.distortion.coefficients must be a list of numbers, not ['x']",
+            "cameras.a.distortion.coefficients[0] must be a number, not 'x'",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: 3}}}}",
@@ -303,25 +303,24 @@ def test_an_identity_is_written_without_a_rotation():
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{translation: [1, 2]}}}}}}",
-            "cameras.a.X_CK.translation must be a list of 3 numbers, not [1, 2]",
+            "cameras.a.X_CK.translation must be a list of 3 values, not [1, 2]",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{position: [1, 2]}}}}}}",
-            "unknown key 'position' in cameras.a.X_CK; known keys: translation, rotation",
+            "unknown key 'position' in cameras.a.X_CK (did you mean 'rotation'?); known keys: "
+            "translation, rotation",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{rotation: !Rpy {{rad: [1, 2, 3]}}}}}}}}",
-            "cameras.a.X_CK.rotation must be a rotation such as !Rpy {deg: [roll, pitch, yaw]}",
+            "unknown key 'rad' in cameras.a.X_CK.rotation; known keys: deg",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{rotation: !Matrix {{rows: [[1, 0], [0, 1]]}}}}}}}}",
-            "cameras.a.X_CK.rotation must be !Matrix {rows: [[...], [...], [...]]} of 3 x 3 "
-            "numbers",
+            "cameras.a.X_CK.rotation.rows[0] must be a list of 3 values, not [1, 0]",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{rotation: !Matrix {{row: 3}}}}}}}}",
-            "cameras.a.X_CK.rotation must be !Matrix {rows: [[...], [...], [...]]} of 3 x 3 "
-            "numbers",
+            "unknown key 'row' in cameras.a.X_CK.rotation (did you mean 'rows'?)",
         ),
         (
             f"cameras: {{a: {{{ONE}, X_CK: {{rotation: !Matrix {{rows: [[1, 0, 0], [0, 1, 0], "
