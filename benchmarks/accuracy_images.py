@@ -20,12 +20,8 @@ from tqdm import tqdm
 
 import mffdrake as mff
 from mffdrake.recognition import BorderRefiner, _edge_lines
-from mffdrake.recognition.pose import (
-    compose_quaternion_vectors,
-    rotate_by,
-    rotation_angle,
-    rotation_matrix,
-)
+from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_angle, rotation_matrix
+from mffdrake.recognition.pose_motion import rotate_by
 from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 
 SEED = 900  # apart from those that the parameters were tuned on

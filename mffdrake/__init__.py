@@ -43,7 +43,8 @@ _MODULES = {
         "SolidModel Tracker"
     ),
     "recognition.calibration": "CalibrationError read_camera",
-    "recognition.pose": "pose_from_transform transform_from_pose transport_pose",
+    "recognition.pose": "pose_from_transform transform_from_pose",
+    "recognition.pose_motion": "transport_pose",
     "systems.arm": "ArmError ArmModel",
     "systems.camera_delay": "AddDelay",
     "systems.camera_frames": "AddCameraFrame AddCameraFrames",

@@ -92,6 +92,11 @@ def test_systems_know_nothing_of_experiments():
     assert room_imports("systems", "mffdrake.experiment", "matplotlib", "tqdm") == set()
 
 
+def test_files_stay_readable_in_one_sitting():
+    for source in SOURCES:
+        assert len(source.read_text(encoding="utf-8").splitlines()) <= 350, source
+
+
 def test_nothing_imports_all_of_drake():
     for source in SOURCES:
         assert not {n for n in imported(source) if f"{n}.".startswith("pydrake.all.")}, source

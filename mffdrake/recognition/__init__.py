@@ -4,8 +4,9 @@ Nothing here imports pydrake.
 """
 
 from mffdrake.recognition.any_tracker import Tracker
-from mffdrake.recognition.cameras import Camera, CameraRig, Distortion
+from mffdrake.recognition.cameras import Camera, CameraRig
 from mffdrake.recognition.colors import ColorModel, FaceColor
+from mffdrake.recognition.distortion import Distortion
 from mffdrake.recognition.genetic import (
     POSE_COORDINATES,
     GeneCoding,

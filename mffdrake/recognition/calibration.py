@@ -21,7 +21,8 @@ from mffdrake.recognition._calibration_file import (
     parse_text,
     shorten,
 )
-from mffdrake.recognition.cameras import Camera, Distortion
+from mffdrake.recognition.cameras import Camera
+from mffdrake.recognition.distortion import Distortion
 
 __all__ = ["Calibration", "CalibrationError", "read_calibration", "read_camera"]
 

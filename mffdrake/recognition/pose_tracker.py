@@ -14,12 +14,8 @@ from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.genetic import GeneCoding, SearchRange
 from mffdrake.recognition.matching import Images, Matcher
-from mffdrake.recognition.pose import (
-    quaternion_rate_matrix,
-    quaternion_scalar,
-    rotation_matrix,
-    transport_pose,
-)
+from mffdrake.recognition.pose import quaternion_scalar, rotation_matrix
+from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 from mffdrake.recognition.refinement import BorderRefiner
 from mffdrake.recognition.search import Found, PoseSearch
 from mffdrake.recognition.solid_model import SearchModel, SolidModel

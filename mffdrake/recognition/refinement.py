@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.parameters import Count, NonNegative, Share, parameters
-from mffdrake.recognition.pose import quaternion_rate_matrix, rotation_angle
+from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.pose_motion import quaternion_rate_matrix
 
 Array = NDArray[np.float64]
 

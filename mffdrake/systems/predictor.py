@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from mffdrake.recognition.pose import (
+from mffdrake.recognition.pose_motion import (
     camera_motion_jacobian,
     move_target,
     step_pose,

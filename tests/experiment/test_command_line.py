@@ -317,7 +317,7 @@ BAD = {
     "file has an unknown key": (["run", "--scenario-file", "bad.yaml"], "bad.yaml: .*'omga'"),
     "unknown key": (["run", "--scenario-text", "durration: 3"], "'durration'.*'duration'"),
     "wrong type": (["run", "--scenario-text", "duration: long"], "duration.*a number.*'long'"),
-    "negative size": (["run", "--scenario-text", "camera: {width: -1}"], "camera.width.*positive"),
+    "negative size": (["run", "--scenario-text", "camera: {width: -1}"], "camera.width.*at least"),
     "negative period": (["run", "--scenario-text", "timing: {vision_period: -1}"], "vision_period"),
     "fast vision": (["run", "--scenario-text", "timing: {vision_period: .0005}"], "vision_period"),
     "not YAML": (["run", "--scenario-text", "{seed: "], "scenario text: .*YAML"),

@@ -16,7 +16,7 @@ from mffdrake.recognition import (
     _linear,
 )
 from mffdrake.recognition import _borders as borders_module
-from mffdrake.recognition.pose import rotate_by
+from mffdrake.recognition.pose_motion import rotate_by
 
 BOX = paper_box()
 RIG = CameraRig.stereo()

@@ -7,19 +7,21 @@ from synthetic import quaternion_vector as true_quaternion_vector
 from synthetic import rotation as true_rotation
 
 from mffdrake.recognition.pose import (
-    camera_motion_jacobian,
     compose_quaternion_vectors,
     pose_from_transform,
-    quaternion_rate_matrix,
     quaternion_scalar,
     quaternion_vector,
     rotation_angle,
     rotation_matrix,
     skew,
-    step_pose,
-    target_motion_jacobian,
     target_position_in_camera,
     transform_from_pose,
+)
+from mffdrake.recognition.pose_motion import (
+    camera_motion_jacobian,
+    quaternion_rate_matrix,
+    step_pose,
+    target_motion_jacobian,
     transport_pose,
 )
 

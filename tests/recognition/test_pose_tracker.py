@@ -17,7 +17,8 @@ from mffdrake.recognition import (
     PoseTracker,
     SearchModel,
 )
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transport_pose
+from mffdrake.recognition.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.pose_motion import transport_pose
 
 BOX = paper_box()
 RIG = CameraRig.stereo(width=320, height=240)

@@ -39,11 +39,10 @@ from mffdrake.recognition import (
 from mffdrake.recognition.pose import (
     compose_quaternion_vectors,
     quaternion_vector,
-    rotate_by,
     rotation_angle,
     transform_from_pose,
-    transport_pose,
 )
+from mffdrake.recognition.pose_motion import rotate_by, transport_pose
 
 _borders = pytest.importorskip("mffdrake.recognition._borders")
 _edge_lines = pytest.importorskip("mffdrake.recognition._edge_lines")
