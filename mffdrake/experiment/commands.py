@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Diagram
-from tqdm import tqdm
+from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.cluster import ClusterError, DaskCluster
 from mffdrake.experiment.colors_command import RunColors
@@ -33,6 +36,7 @@ from mffdrake.experiment.plotting import (
     PlotToFile,
     SaveFigure,
 )
+from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.recordings.arguments import ArgumentsError
 from mffdrake.experiment.recordings.color_file import ColorFileError
 from mffdrake.experiment.recordings.image_files import ImageSourceError
@@ -108,10 +112,8 @@ def RunCommand(options: argparse.Namespace) -> int:
         _CheckFiles(options)
         scenario = _LoadScenario(options)
         folder = MakeOutputFolder(options.out)
-        {"run": _Run, "compare": _Compare, "record": _Record}[options.command](
-            options, scenario, folder
-        )
-        return 0
+        command = {"run": _Run, "compare": _Compare, "record": _Record}[options.command]
+        return command(options, scenario, folder)
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
         raise UserError(f"{name}{error.strerror or error}") from error
@@ -143,48 +145,102 @@ def _LoadScenario(options: argparse.Namespace) -> Scenario:
     return Change(scenario, values)
 
 
-def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
-    diagram, result = _SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
+def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
+    one = _SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
+    diagram, result = one.diagram, one.result
     row = Evaluate(result)
     result.Save(folder / "result.npz")
     WriteResults([row], folder)
     _WriteScenario(scenario, folder)
     SaveFigure(PlotHandPath(result), folder / "hand_path.png")
     SaveFigure(PlotPose([result]), folder / "pose.png")
-    SaveImage(DrawCameraView(diagram, scenario, result), folder / "camera.png")
+    SaveImage(DrawCameraView(diagram, scenario, result, images=one.images), folder / "camera.png")
     SaveImage(DrawScene(diagram, result), folder / "scene.png")
     print(MarkdownTable([row]))
     stages = ", ".join(f"{name} {ms:.2f}" for name, ms in row["stages_ms"].items())
     print(f"Wall time a frame [ms]: {stages}.")
     _SayWhere(folder)
+    if one.interrupted:
+        print(f"mffdrake: interrupted: these are the first {row['frames']} frames", file=sys.stderr)
+    return 130 if one.interrupted else 0
 
 
-def _Record(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
+def _Record(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
     with _TimeBar(scenario.duration) as on_frame:
         result = Record(scenario, folder, on_frame=on_frame)
     print(f"{len(result.time)} frames. To track them as they were tracked just now:")
     print(TrackCommand(scenario, folder))
     print(f"Recording: {folder}/")
+    return 0
+
+
+@dataclass
+class _OneSimulation:
+    """A simulation, and what its cameras saw at its last frame.
+
+    Attributes:
+        diagram: The diagram.
+        result: The record.
+        images: The images of the last frame, one a camera.
+        interrupted: Whether it ended early.
+    """
+
+    diagram: Diagram
+    result: SimulationResult
+    images: list[NDArray[np.uint8]]
+    interrupted: bool
 
 
 def _SimulateOne(
     scenario: Scenario, *, graphviz: str | None = None, replay: str | None = None
-) -> tuple[Diagram, SimulationResult]:
-    """One simulation with a progress bar, drawn and recorded where that is wanted."""
+) -> _OneSimulation:
+    """One simulation with a progress bar, drawn and recorded where that is wanted.
+
+    An interrupt ends it after the frame that is being simulated; a second one at once.
+    """
     meshcat = Meshcat() if replay else None
     diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)
     if graphviz:
         SaveDiagram(diagram, graphviz)
     if meshcat is not None:
         meshcat.StartRecording(set_visualizations_while_recording=False)
-    with _TimeBar(scenario.duration) as on_frame:
-        result = Simulate(scenario, diagram=diagram, on_frame=on_frame)
+    names = diagram.GetSubsystemByName("recognizer").tracker.rig.names
+    ports = [diagram.GetOutputPort(f"stereo_camera.color_image_{name}") for name in names]
+    images: list[NDArray[np.uint8]] = []
+
+    def KeepImages(context: Context) -> None:
+        # Late and lost images cannot be drawn again afterwards.
+        images[:] = [port.Eval(context).data.copy() for port in ports]
+
+    with _TimeBar(scenario.duration) as show, _Interrupt() as interrupted:
+
+        def OnFrame(simulated: float, wall: float) -> bool:
+            show(simulated, wall)
+            return bool(interrupted)
+
+        result = Simulate(scenario, diagram=diagram, on_frame=OnFrame, on_exposure=KeepImages)
     if meshcat is not None and replay is not None:
         SaveReplay(meshcat, replay)
-    return diagram, result
+    return _OneSimulation(diagram, result, images, bool(interrupted))
 
 
-def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> None:
+@contextmanager
+def _Interrupt() -> Iterator[list[int]]:
+    """A list that an interrupt fills; a second interrupt works as ever."""
+    received: list[int] = []
+
+    def OnSignal(number: int, frame: object) -> None:
+        received.append(number)
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.signal(signal.SIGINT, OnSignal)
+    try:
+        yield received
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
     variants = MakeVariants(
         scenario,
         methods=list(dict.fromkeys(options.methods)),
@@ -203,9 +259,15 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
     logging.getLogger("mffdrake").setLevel(logging.ERROR)
     with _RunBar(len(variants)) as on_result:
         cluster = DaskCluster(options.scheduler) if options.scheduler else None
-        results = Compare(
-            variants, workers=options.workers or 1, executor=cluster, on_result=on_result
-        )
+        try:
+            results = Compare(
+                variants, workers=options.workers or 1, executor=cluster, on_result=on_result,
+                folder=folder,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            print("mffdrake: runs that have ended are kept: the same command goes on from there",
+                  file=sys.stderr)  # fmt: skip
+            raise
     rows = [Evaluate(result) for result in results]
     WriteResults(rows, folder, as_csv=True)
     _WriteScenario(scenario, folder)
@@ -224,6 +286,7 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> N
         _SimulateOne(variants[-1], replay=options.replay)
     print(MarkdownTable(rows))
     _SayWhere(folder)
+    return 0
 
 
 def _DrawAll(pictures: Sequence[tuple[Callable[..., Any], Any, Path]], workers: int) -> None:
@@ -248,10 +311,9 @@ def _SayWhere(folder: Path) -> None:
 
 @contextmanager
 def _TimeBar(duration: float) -> Iterator[Callable[[float, float], None]]:
-    """A bar over simulated time, with the speed; silent where nobody watches."""
+    """A bar over simulated time, with the speed."""
     form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
-    quiet = not sys.stderr.isatty()
-    with tqdm(total=duration, desc="simulated", bar_format=form, disable=quiet) as bar:
+    with ProgressBar(total=duration, desc="simulated", bar_format=form) as bar:
 
         def OnFrame(simulated: float, wall: float) -> None:
             bar.set_postfix_str(f"{simulated / max(wall, 1e-9):.2f} x real time", refresh=False)
@@ -261,12 +323,13 @@ def _TimeBar(duration: float) -> Iterator[Callable[[float, float], None]]:
 
 
 @contextmanager
-def _RunBar(count: int) -> Iterator[Callable[[SimulationResult], None]]:
-    """A bar over finished runs; silent where nobody watches."""
-    quiet = not sys.stderr.isatty()
-    with tqdm(total=count, desc="simulations", unit="run", disable=quiet) as bar:
+def _RunBar(count: int) -> Iterator[Callable[[SimulationResult, bool], None]]:
+    """A bar over finished runs."""
+    with ProgressBar(total=count, desc="simulations", unit="run") as bar:
 
-        def OnResult(result: SimulationResult) -> None:
+        def OnResult(result: SimulationResult, kept: bool) -> None:
+            if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
+                bar.initial += 1
             speed = (result.time[-1] if len(result.time) else 0.0) / result.wall_s
             bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
             bar.update(1)

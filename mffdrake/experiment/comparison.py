@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from mffdrake.experiment.executors import Executor, InProcess
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.experiment.store import RecordPath, RunKey
 from mffdrake.experiment.sweep import RunScenario
 
 __all__ = ["Compare", "MakeVariants"]
@@ -49,7 +51,8 @@ def Compare(
     *,
     workers: int = 1,
     executor: Executor | None = None,
-    on_result: Callable[[SimulationResult], None] | None = None,
+    on_result: Callable[[SimulationResult, bool], None] | None = None,
+    folder: Path | None = None,
 ) -> list[SimulationResult]:
     """Runs scenarios on one or more processes.
 
@@ -57,7 +60,9 @@ def Compare(
         scenarios: What to run.
         workers: Number of processes. The results do not depend on it, except for the times.
         executor: Where to run them instead.
-        on_result: Called after every run.
+        on_result: Called after every run, with whether it was there from before.
+        folder: Where to keep every run as soon as it has ended. Runs that are there from before, by
+            this very code, are not repeated.
 
     Returns:
         The records, in the scenarios' order.
@@ -67,17 +72,36 @@ def Compare(
         WorkerDiedError: When a process that works on a run ended from outside, again and again.
         ClusterError: When a cluster cannot be reached (any more).
     """
-    if executor is None:
-        count = min(workers, len(scenarios))
-        executor = LocalProcesses(count) if count > 1 else InProcess()
     code = CodeFingerprint()
+    tell = on_result or (lambda result, kept: None)
     results: dict[int, SimulationResult] = {}
+    for index, scenario in enumerate(scenarios):
+        result = None if folder is None else _Load(folder, RunKey(scenario, code))
+        if result is not None:
+            results[index] = result
+            tell(result, True)
+    missing = [index for index in range(len(scenarios)) if index not in results]
+    if executor is None:
+        count = min(workers, len(missing))
+        executor = LocalProcesses(count) if count > 1 else InProcess()
     with executor:
-        arguments = [(scenario, code) for scenario in scenarios]
-        for outcome in executor.Run(RunScenario, arguments):
+        arguments = [(scenarios[index], code) for index in missing]
+        for outcome in executor.Run(RunScenario, arguments) if missing else ():
             if outcome.exception is not None:
                 raise outcome.exception
-            results[outcome.index] = outcome.value
-            if on_result is not None:
-                on_result(outcome.value)
+            index, result = missing[outcome.index], outcome.value
+            if folder is not None:
+                path = RecordPath(folder, RunKey(scenarios[index], code))
+                path.parent.mkdir(parents=True, exist_ok=True)
+                result.Save(path)
+            results[index] = result
+            tell(result, False)
     return [results[k] for k in range(len(scenarios))]
+
+
+def _Load(folder: Path, key: str) -> SimulationResult | None:
+    """A run that was kept, unless there is none or its file is damaged."""
+    try:
+        return SimulationResult.Load(RecordPath(folder, key))
+    except (OSError, ValueError):
+        return None

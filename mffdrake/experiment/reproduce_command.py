@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-
-from tqdm import tqdm
 
 from mffdrake.experiment.cluster import DaskCluster
 from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
@@ -17,6 +14,7 @@ from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.options import GivenOptions
 from mffdrake.experiment.pictures import SaveDiagram
+from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.report import WriteReport
 from mffdrake.experiment.report_tables import SummaryLines
 from mffdrake.experiment.reproduction import RunPlan, Summarize
@@ -91,11 +89,10 @@ def _Check(plan: Sequence[PlannedRun]) -> None:
 
 @contextmanager
 def _WorkBar(runs: Sequence[PlannedRun]) -> Iterator[Callable[[PlannedRun, Record, bool], None]]:
-    """A bar over the work that is done, as runs differ much; silent where nobody watches."""
+    """A bar over the work that is done, as runs differ much."""
     form = "{desc}: {percentage:3.0f}%|{bar}| {unit} [{elapsed}<{remaining}]"
-    quiet = not sys.stderr.isatty()
     total = sum(run.work for run in runs)
-    with tqdm(total=total, desc="simulations", bar_format=form, disable=quiet) as bar:
+    with ProgressBar(total=total, desc="simulations", bar_format=form) as bar:
         ended, bar.unit = 0, f"0/{len(runs)} runs"
 
         def OnRun(run: PlannedRun, record: Record, kept: bool) -> None:

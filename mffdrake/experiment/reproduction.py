@@ -14,7 +14,7 @@ from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.paper_numbers import Quartiles
 from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.experiment.store import Record, RunKey, RunStore
+from mffdrake.experiment.store import Record, RecordPath, RunKey, RunStore
 from mffdrake.experiment.study import PlannedRun, Study
 from mffdrake.experiment.sweep import STORE_NAME, RunScenario
 
@@ -25,7 +25,6 @@ RECORDED = "near"
 
 # Trying again what the arm cannot do would give the same answer.
 _FINAL = "UnreachablePathError: "
-_RECORDS = "records"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +97,7 @@ def RunPlan(
     results = {
         (str(run.variant.curve), run.variant.value): SimulationResult.Load(path)
         for run in recorded.values()
-        if (path := _RecordPath(folder, RunKey(run.scenario, CodeFingerprint()))).exists()
+        if (path := RecordPath(folder, RunKey(run.scenario, CodeFingerprint()))).exists()
     }
     rows = tuple(_MakeRow(run, records[run.scenario.fingerprint]) for run in plan)
     studies = tuple({run.study.name: run.study for run in plan}.values())
@@ -124,7 +123,7 @@ def _Run(
         key = keys[run.scenario.fingerprint]
         record = kept.get(key)
         needs_frames = run.scenario.fingerprint in recorded
-        lacks_frames = needs_frames and not _RecordPath(folder, key).exists()
+        lacks_frames = needs_frames and not RecordPath(folder, key).exists()
         if record is None or (not _IsFinal(record)) or (record.row is not None and lacks_frames):
             missing.append(run)
         else:
@@ -141,7 +140,7 @@ def _Run(
             record = Record(row=row, error=outcome.error, attempts=outcome.attempts)
             # The frames before the row, which says that nothing is missing.
             if run.scenario.fingerprint in recorded and result is not None:
-                path = _RecordPath(folder, key)
+                path = RecordPath(folder, key)
                 path.parent.mkdir(exist_ok=True)
                 result.Save(path)
             store.Put(key, run.scenario.Dump(), code, record)
@@ -152,10 +151,6 @@ def _Run(
 
 def _IsFinal(record: Record) -> bool:
     return record.error is None or record.error.startswith(_FINAL)
-
-
-def _RecordPath(folder: Path, key: str) -> Path:
-    return folder / _RECORDS / f"{key[:16]}.npz"
 
 
 def _MakeRow(run: PlannedRun, record: Record) -> dict[str, Any]:

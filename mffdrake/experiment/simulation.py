@@ -105,7 +105,7 @@ def Simulate(
     scenario: Scenario,
     *,
     diagram: Diagram | None = None,
-    on_frame: Callable[[float, float], None] | None = None,
+    on_frame: Callable[[float, float], bool | None] | None = None,
     on_exposure: Callable[[Context], None] | None = None,
 ) -> SimulationResult:
     """Runs a scenario from time 0 to its duration and records every frame.
@@ -113,7 +113,8 @@ def Simulate(
     Args:
         scenario: What to simulate.
         diagram: The diagram of this very scenario, where it is built already.
-        on_frame: Called after every frame with its simulated time and the wall time so far [s].
+        on_frame: Called after every frame with its simulated time and the wall time so far [s];
+            when it returns True, the simulation ends there.
         on_exposure: Called at every frame with the diagram's context, just before the recognizer
             reads the images.
 
@@ -139,9 +140,10 @@ def Simulate(
     for frame in range(timing.NumFrames(scenario.duration)):
         tick, next_tick = timing.TickOfFrame(frame), timing.TickOfFrame(frame + 1)
         # Events at this time run in the next step, so the state here is the one the frame shows.
+        recorder.RecordTruth(timing.TimeOfTick(tick))
         if on_exposure is not None:
             on_exposure(simulator.get_context())
-        recorder.RecordTruth(timing.TimeOfTick(tick))
+        recorder.Mark()
         simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
         recorder.RecordRecognition()
         end = min(timing.TimeOfTick(next_tick), scenario.duration)
@@ -149,8 +151,8 @@ def Simulate(
         if end > timing.TimeOfTick(tick + 1):
             simulator.AdvanceTo(end)
         recorder.FinishFrame(next_tick - tick)
-        if on_frame is not None:
-            on_frame(simulator.get_context().get_time(), recorder.wall_s)
+        if on_frame is not None and on_frame(simulator.get_context().get_time(), recorder.wall_s):
+            break
     return recorder.Result()
 
 
@@ -272,6 +274,10 @@ class _Recorder:
             port.Eval(context)
         self._marks.append(time.perf_counter())
 
+    def Mark(self) -> None:
+        """Notes that the frame goes on."""
+        self._marks.append(time.perf_counter())
+
     def RecordRecognition(self) -> None:
         """Notes what the recognizer made of the frame, one tick later."""
         self._marks.append(time.perf_counter())
@@ -282,15 +288,15 @@ class _Recorder:
 
     def FinishFrame(self, ticks: int) -> None:
         """Notes the stages' times at the end of a frame."""
-        begin, told, rendered, predicted, recognized = self._marks
+        begin, told, rendered, predicted, resumed, recognized = self._marks
         end = time.perf_counter()
         # The recognizer's tick also did what every tick does: control and dynamics.
         one_tick = (end - recognized) / max(1, ticks - 1)
         for name, seconds in (
             ("render", rendered - told),
             ("prediction", predicted - rendered),
-            ("recognition", max(0.0, recognized - predicted - one_tick)),
-            ("total", end - begin),
+            ("recognition", max(0.0, recognized - resumed - one_tick)),
+            ("total", end - begin - (resumed - predicted)),
         ):
             self._stages[name].append(1e3 * seconds)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from mffdrake.experiment.scenario import Scenario
 
-__all__ = ["Record", "RunKey", "RunStore", "StoreError"]
+__all__ = ["Record", "RecordPath", "RunKey", "RunStore", "StoreError"]
 
 _APPLICATION_ID = 0x6D666673  # Says in the file's header that it is ours.
 _VERSION = 1
@@ -37,6 +37,9 @@ ON CONFLICT (key) DO UPDATE SET
     attempts = excluded.attempts
 WHERE runs.status <> 'done'
 """
+
+
+_RECORDS = "records"
 
 
 class StoreError(RuntimeError):
@@ -78,6 +81,16 @@ def RunKey(scenario: Scenario, code: str) -> str:
         False
     """
     return hashlib.sha256(f"{code}\n{scenario.fingerprint}".encode()).hexdigest()
+
+
+def RecordPath(folder: Path, key: str) -> Path:
+    """Where a run's frames are kept, in a folder of runs.
+
+    Args:
+        folder: The folder.
+        key: See `RunKey`.
+    """
+    return folder / _RECORDS / f"{key[:16]}.npz"
 
 
 class RunStore:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 import logging
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from tqdm import tqdm
 
 from mffdrake.experiment.cluster import DaskCluster
 from mffdrake.experiment.executors import Executor
@@ -17,6 +14,7 @@ from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.grid import Grid, LoadGrid
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.options import GivenOptions
+from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.experiment.store import Record
 from mffdrake.experiment.sweep import Sweep
@@ -86,9 +84,8 @@ def _LoadGrid(options: argparse.Namespace) -> Grid:
 
 @contextmanager
 def _RunBar(count: int) -> Iterator[Callable[[Record, bool], None]]:
-    """A bar over the runs that have ended; silent where nobody watches."""
-    quiet = not sys.stderr.isatty()
-    with tqdm(total=count, desc="simulations", unit="run", disable=quiet) as bar:
+    """A bar over the runs that have ended."""
+    with ProgressBar(total=count, desc="simulations", unit="run") as bar:
         failed = 0
 
         def OnRun(record: Record, kept: bool) -> None:

@@ -7,20 +7,19 @@ import contextlib
 import dataclasses as dc
 import json
 import logging
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from mffdrake.experiment.evaluation import Versions, WriteCsv
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.outline import DrawViews
 from mffdrake.experiment.pictures import SaveImage
 from mffdrake.experiment.plotting import PlotTrack, SaveFigure
+from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.recordings.arguments import (
     ArgumentsError,
     ImagesByCamera,
@@ -253,12 +252,12 @@ def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:
 def _Bars(
     count: int | None, generations: int | None
 ) -> Iterator[tuple[Callable[[float], None], Callable[[int, float], None]]]:
-    """Bars over frames and over a search's generations; silent where nobody watches."""
-    quiet = not sys.stderr.isatty()
+    """Bars over frames and over a search's generations."""
     with (
-        tqdm(total=generations, desc="search", unit="gen", disable=quiet or generations is None,
-             leave=False) as search,
-        tqdm(total=count, desc="frames", unit="frame", disable=quiet) as bar,
+        ProgressBar(
+            total=generations, desc="search", unit="gen", leave=False, disable=generations is None
+        ) as search,
+        ProgressBar(total=count, desc="frames", unit="frame") as bar,
     ):  # fmt: skip
 
         def OnFrame(fitness: float) -> None:

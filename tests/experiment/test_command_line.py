@@ -409,18 +409,20 @@ def test_on_a_terminal_a_bar_shows_simulated_time_and_speed(tmp_path):
     assert "| 0.105 | mff | 1 |" in shown  # The table comes after it, on lines of its own.
 
 
-def test_ctrl_c_ends_a_run_with_status_130_and_no_files(tmp_path):
+def test_ctrl_c_ends_a_run_with_status_130_and_keeps_its_first_frames(tmp_path):
     status, shown = on_terminal(
         "run", "--duration", 60, "--scenario-text", SMALL, "--replay", "replay.html",
         cwd=tmp_path, ctrl_c_at="x real time",
     )  # fmt: skip
     assert status == 130
     assert "Traceback" not in shown
-    assert "interrupted" in shown.splitlines()[-1]
-    assert files(tmp_path) == []
+    assert re.search(r"interrupted: these are the first \d+ frames", shown.splitlines()[-1])
+    result = SimulationResult.Load(tmp_path / "out" / "result.npz")
+    assert 0 < len(result.time) < 60 / 0.033
+    assert read_json(tmp_path / "out" / "results.json")["runs"][0]["frames"] == len(result.time)
 
 
-def test_ctrl_c_ends_a_comparison_and_its_processes_with_status_130_and_no_files(tmp_path):
+def test_ctrl_c_ends_a_comparison_and_its_processes_with_status_130_and_keeps_its_runs(tmp_path):
     status, shown = on_terminal(
         "compare", "--duration", 1, "--omega", 0.1, 0.2, "--scenario-text", SMALL, "--workers", 2,
         cwd=tmp_path, ctrl_c_at="1/4",
@@ -428,8 +430,9 @@ def test_ctrl_c_ends_a_comparison_and_its_processes_with_status_130_and_no_files
     assert status == 130
     assert re.search(r"simulations: .*25%.*1/4", shown)
     assert "Traceback" not in shown
+    assert "the same command goes on from there" in shown
     assert "interrupted" in shown.splitlines()[-1]
-    assert files(tmp_path) == []
+    assert [Path(file).parent.name for file in files(tmp_path)] == ["records"]
 
 
 def test_an_interrupt_while_the_program_loads_needs_no_traceback(tmp_path):

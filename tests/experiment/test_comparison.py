@@ -87,7 +87,7 @@ def test_results_come_in_the_order_of_the_scenarios(scenarios, alone):
 
 def test_two_processes_give_the_same_bits_in_the_same_order(scenarios, alone):
     told = []
-    together = Compare(scenarios, workers=2, on_result=told.append)
+    together = Compare(scenarios, workers=2, on_result=lambda result, kept: told.append(result))
     assert len(told) == len(scenarios)
     assert {id(result) for result in told} == {id(result) for result in together}
     assert multiprocessing.active_children() == []
@@ -95,6 +95,33 @@ def test_two_processes_give_the_same_bits_in_the_same_order(scenarios, alone):
         assert ours.scenario == theirs.scenario
         for name in ARRAYS:
             assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+
+
+def test_runs_that_are_kept_are_not_repeated_and_give_the_same_bits(scenarios, alone, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        Compare(scenarios[1:], folder=tmp_path, on_result=interrupt)  # at the first run's end
+    told = []
+    results = Compare(
+        scenarios[1:], folder=tmp_path, on_result=lambda result, kept: told.append(kept)
+    )
+    assert told == [True, False, False]
+    for ours, theirs in zip(results, alone[1:], strict=True):
+        assert ours.scenario == theirs.scenario
+        for name in ARRAYS:
+            assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+    told.clear()
+    other = [Change(scenarios[1], {"seed": 99})]
+    Compare(other, folder=tmp_path, on_result=lambda result, kept: told.append(kept))
+    assert told == [False]
+    for file in (tmp_path / "records").iterdir():
+        file.write_bytes(b"damaged")
+    told.clear()
+    Compare(other, folder=tmp_path, on_result=lambda result, kept: told.append(kept))
+    assert told == [False]
+
+
+def interrupt(result, kept):
+    raise KeyboardInterrupt
 
 
 def test_seeds_and_methods_make_a_difference(alone):

@@ -1,0 +1,56 @@
+"""Progress of long work: a bar for those who watch, a line now and then for a log."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from tqdm import tqdm
+
+__all__ = ["ProgressBar"]
+
+_INTERVAL = 15.0  # s from line to line
+_LINE = "mffdrake: {desc}: {percentage:.0f} % after {elapsed}{postfix}"
+
+
+class _Lines:
+    """Writes what a bar would overwrite as lines of their own."""
+
+    def write(self, text: str) -> None:
+        """Writes a line; blanks, by which a bar is wiped out, are none."""
+        line = text.strip()
+        if line:
+            sys.stderr.write(f"{line}\n")
+
+    def flush(self) -> None:
+        """Writes at once."""
+        sys.stderr.flush()
+
+
+def ProgressBar(*, interval: float = _INTERVAL, **options: Any) -> tqdm[Any]:
+    """A progress bar on stderr; where that is no terminal, a line now and then.
+
+    Work that takes less than the interval leaves no line.
+
+    Args:
+        interval: Least time from line to line [s].
+        options: Of tqdm.
+
+    Returns:
+        The bar, a context manager.
+
+    Example:
+        >>> with ProgressBar(total=3, desc="runs") as bar:
+        ...     _ = bar.update(1)
+    """
+    if sys.stderr.isatty():
+        return tqdm(**options)
+    plain = options | {"bar_format": _LINE, "leave": False}
+    return tqdm(
+        file=_Lines(),
+        delay=interval,
+        mininterval=interval,
+        maxinterval=interval,
+        miniters=0,
+        **plain,
+    )

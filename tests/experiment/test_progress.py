@@ -1,0 +1,28 @@
+"""A log gets a line now and then, a terminal a bar."""
+
+import io
+import sys
+
+from mffdrake.experiment.progress import ProgressBar
+
+
+def lines(monkeypatch, *, interval):
+    log = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", log)
+    with ProgressBar(total=4, desc="simulations", interval=interval) as bar:
+        for _ in range(4):
+            bar.set_postfix_str("2 failed", refresh=False)
+            bar.update(1)
+    return log.getvalue()
+
+
+def test_a_log_gets_whole_lines_of_plain_text(monkeypatch):
+    text = lines(monkeypatch, interval=0.0)
+    assert "\r" not in text and text.endswith("\n")
+    assert text.splitlines()[-1].startswith("mffdrake: simulations: 100 % after 00:0")
+    assert text.splitlines()[-1].endswith(", 2 failed")
+    assert all(line.startswith("mffdrake: simulations: ") for line in text.splitlines())
+
+
+def test_work_that_is_soon_done_leaves_no_line(monkeypatch):
+    assert lines(monkeypatch, interval=3600.0) == ""
