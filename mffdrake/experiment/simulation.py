@@ -114,7 +114,7 @@ def Simulate(
         scenario: What to simulate.
         diagram: The diagram of this very scenario, where it is built already.
         on_frame: Called after every frame with its simulated time and the wall time so far [s];
-            when it returns True, the simulation ends there.
+            when it returns True, the simulation ends there, and the record is of a scenario so long.
         on_exposure: Called at every frame with the diagram's context, just before the recognizer
             reads the images.
 
@@ -152,8 +152,8 @@ def Simulate(
             simulator.AdvanceTo(end)
         recorder.FinishFrame(next_tick - tick)
         if on_frame is not None and on_frame(simulator.get_context().get_time(), recorder.wall_s):
-            break
-    return recorder.Result()
+            return recorder.Result(dc.replace(scenario, duration=end))
+    return recorder.Result(scenario)
 
 
 @contextmanager
@@ -200,7 +200,6 @@ class _Recorder:
     """
 
     def __init__(self, scenario: Scenario, diagram: Diagram, context: Context) -> None:
-        self._scenario = scenario
         self._context = context
         self._plant = diagram.GetSubsystemByName("plant")
         self._plant_context = self._plant.GetMyContextFromRoot(context)
@@ -300,15 +299,15 @@ class _Recorder:
         ):
             self._stages[name].append(1e3 * seconds)
 
-    def Result(self) -> SimulationResult:
-        """The record."""
+    def Result(self, scenario: Scenario) -> SimulationResult:
+        """The record, of a scenario as long as it was simulated."""
         wall_s = self.wall_s
         rows = {name: np.array(values) for name, values in self._rows.items()}
         for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
             X = rows[name].reshape(-1, 3, 4)
             rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
         return SimulationResult(
-            scenario=self._scenario.Dump(),
+            scenario=scenario.Dump(),
             stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
             wall_s=wall_s,
             **rows,

@@ -133,7 +133,7 @@ def test_seeds_and_methods_make_a_difference(alone):
 
 def test_one_process_tells_of_every_run_when_it_is_done(scenarios):
     told = []
-    results = Compare(scenarios[2:], on_result=told.append)
+    results = Compare(scenarios[2:], on_result=lambda result, kept: told.append(result))
     assert [id(result) for result in told] == [id(result) for result in results]
 
 
