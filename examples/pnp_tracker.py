@@ -265,12 +265,9 @@ def MakeDiagram(
     builder.Connect(camera.GetOutputPort(image), recognizer.GetInputPort(image))
     if feedforward:
         predictor = builder.AddSystem(mff.MffPredictor(plant=arm, num_hypotheses=1))
-        builder.Connect(state, predictor.GetInputPort("estimated_state"))
-        for name, sender, receiver in (
-            ("population", recognizer, predictor),
-            ("predicted_population", predictor, recognizer),
-        ):
-            builder.Connect(sender.GetOutputPort(name), receiver.GetInputPort(name))
+        mff.ConnectFeedforward(
+            builder, recognizer=recognizer, predictor=predictor, estimated_state=state
+        )
     return builder.Build()
 
 

@@ -49,6 +49,8 @@ _MODULES = {
     "systems.camera_delay": "AddDelay",
     "systems.camera_frames": "AddCameraFrame AddCameraFrames",
     "systems.camera_info": "CameraFromInfo MakeCameraInfo",
+    "systems.feedforward": "ConnectFeedforward",
+    "systems.frame_recorder": "FrameRecorder",
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",
     "systems.hand_path": "AddHandPathSource HandPath SolveHandPath",
     "systems.inverse_kinematics": "UnreachablePathError",

@@ -92,6 +92,8 @@ from mffdrake.systems.camera_frames import AddCameraFrame as AddCameraFrame
 from mffdrake.systems.camera_frames import AddCameraFrames as AddCameraFrames
 from mffdrake.systems.camera_info import CameraFromInfo as CameraFromInfo
 from mffdrake.systems.camera_info import MakeCameraInfo as MakeCameraInfo
+from mffdrake.systems.feedforward import ConnectFeedforward as ConnectFeedforward
+from mffdrake.systems.frame_recorder import FrameRecorder as FrameRecorder
 from mffdrake.systems.graphics import GraphicsUnavailableError as GraphicsUnavailableError
 from mffdrake.systems.graphics import RequireGraphics as RequireGraphics
 from mffdrake.systems.hand_path import AddHandPathSource as AddHandPathSource

@@ -42,6 +42,7 @@ from mffdrake.systems.disturbances import Frozen, GaussianNoise
 from mffdrake.systems.disturbances.image_disturbance import PixelFilter
 from mffdrake.systems.disturbances.image_memory import ImageMemory
 from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.frame_recorder import FrameRecorder
 from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.lens import LensDistortion
 from mffdrake.systems.models import FindModelsPath
@@ -127,6 +128,7 @@ def make_geometry_poser():
 
 
 SYSTEMS = {
+    "FrameRecorder": lambda: FrameRecorder(signals={"state": 14}),
     "GeometryPoser": make_geometry_poser,
     "JointEncoders": lambda: JointEncoders(noise=0.01),
     "AddStereoCamera": make_stereo_camera,
