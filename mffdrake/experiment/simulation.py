@@ -114,7 +114,7 @@ def Simulate(
         scenario: What to simulate.
         diagram: The diagram of this very scenario, where it is built already.
         on_frame: Called after every frame with its simulated time and the wall time so far [s];
-            when it returns True, the simulation ends there, and the record is of a shorter scenario.
+            when it returns True, the simulation ends there, its record that of a shorter scenario.
         on_exposure: Called at every frame with the diagram's context, just before the recognizer
             reads the images.
 
