@@ -101,10 +101,11 @@ from mffdrake.systems.models import ConfigureParser as ConfigureParser
 from mffdrake.systems.models import FindModelsPath as FindModelsPath
 from mffdrake.systems.pa10 import AddPa10 as AddPa10
 from mffdrake.systems.pa10 import MakePa10Plant as MakePa10Plant
-from mffdrake.systems.pd_controller import PD_GAINS as PD_GAINS
 from mffdrake.systems.pd_controller import AddGravityCompensation as AddGravityCompensation
 from mffdrake.systems.pd_controller import PdController as PdController
-from mffdrake.systems.pd_controller import PdGains as PdGains
+from mffdrake.systems.pd_gains import PD_GAINS as PD_GAINS
+from mffdrake.systems.pd_gains import NaturalFrequency as NaturalFrequency
+from mffdrake.systems.pd_gains import PdGains as PdGains
 from mffdrake.systems.predictor import MffPredictor as MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer as OneStepGaRecognizer
 from mffdrake.systems.renderers import AddRenderer as AddRenderer

@@ -30,7 +30,8 @@ from mffdrake.recognition import (
 )
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.joint_encoders import JointEncoders
-from mffdrake.systems.pd_controller import PD_GAINS, PdController, PdGains
+from mffdrake.systems.pd_controller import PdController
+from mffdrake.systems.pd_gains import PD_GAINS, PdGains
 from mffdrake.systems.renderers import AddRenderer
 
 __all__ = ["AddEncoders", "AddSceneRenderer", "MakeController", "MakeRig", "MakeTracker"]

@@ -23,7 +23,7 @@ from mffdrake.experiment.scenario_sections import (
     TargetConfig,
     TimingConfig,
 )
-from mffdrake.systems.pd_controller import PD_GAINS
+from mffdrake.systems.pd_gains import PD_GAINS
 from mffdrake.systems.renderers import RENDERERS
 
 __all__ = ["METHODS", "LoadRecognizer", "LoadScenario", "Scenario", "ScenarioError", "WithSeed"]

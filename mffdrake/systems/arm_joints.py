@@ -24,17 +24,22 @@ class ArmError(ValueError):
     """The arm's description does not make an arm; the message is one line that says why."""
 
 
-def MovingJoints(plant: MultibodyPlant, model_instance: ModelInstanceIndex) -> list[Joint]:
-    """A model's joints that move, in the order of its positions: from an arm's base to its tip.
+def MovingJoints(
+    plant: MultibodyPlant, model_instance: ModelInstanceIndex | None = None
+) -> list[Joint]:
+    """The joints that move, in the order of their positions: an arm's from base to tip.
 
     Args:
         plant: A finalized plant.
-        model_instance: The model.
+        model_instance: The model; by default the whole plant.
 
     Returns:
         The joints.
     """
-    joints = [plant.get_joint(i) for i in plant.GetJointIndices(model_instance)]
+    indices = (
+        plant.GetJointIndices() if model_instance is None else plant.GetJointIndices(model_instance)
+    )
+    joints = [plant.get_joint(i) for i in indices]
     return sorted(
         (joint for joint in joints if joint.num_positions() > 0),
         key=lambda joint: joint.position_start(),

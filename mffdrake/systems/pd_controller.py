@@ -1,9 +1,7 @@
-"""The arm's joint controller: PD with a zero-order hold, its gains, and gravity compensation."""
+"""The arm's joint controller: PD with a zero-order hold, and gravity compensation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +11,6 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 from mffdrake.systems.timing import Timing
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import ArrayLike, NDArray
     from pydrake.multibody.plant import MultibodyPlant
     from pydrake.systems.framework import (
@@ -25,93 +21,7 @@ if TYPE_CHECKING:
         OutputPort,
     )
 
-__all__ = ["PD_GAINS", "AddGravityCompensation", "PdController", "PdGains"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PdGains:
-    """Gains of the arm's PD controller, one number a joint in the order of ``JOINT_NAMES``.
-
-    Both presets are ``kp = M w^2`` and ``kd = 2 zeta w M``, rounded. M = (2.95, 4.09, 1.09, 1.07,
-    0.04, 0.04, 0.02) kg m^2 stands for the diagonal of the arm's mass matrix at its nominal pose;
-    the wrist's values are raised, for its own (0.020, 0.014, 0.006) would leave it too soft.
-
-    Attributes:
-        kp: Stiffness [N m/rad].
-        kd: Damping [N m s/rad].
-
-    Example:
-        >>> PdGains.FromPreset("lightly_damped").kp
-        (116.0, 161.0, 43.0, 42.0, 1.6, 1.6, 0.8)
-    """
-
-    kp: tuple[float, ...]
-    kd: tuple[float, ...]
-
-    @classmethod
-    def LightlyDamped(cls) -> PdGains:
-        """The paper's Fig. 6: the hand visibly oscillates for the first 30 s. The default.
-
-        w = 2 pi 1.0 rad/s and zeta = 0.018. The zero-order hold and its delay of one control
-        period (1 ms) take ``kp`` times 1 ms off the damping, a sixth of it.
-
-        Measured with gravity compensation and effort limits, starting at rest in the path's first
-        pose while the path starts at full speed; the hand's distance from the desired position:
-
-        =============  ==========  ============  ============  ===========  ===========
-        path's omega   peak 0-5 s  peak 10-15 s  peak 30-35 s  rms 10-15 s  rms 30-40 s
-        =============  ==========  ============  ============  ===========  ===========
-        0.105 rad/s    10.3 mm     5.3 mm        1.9 mm        3.2 mm       1.0 mm
-        0.157 rad/s    15.3 mm     7.9 mm        2.8 mm        4.9 mm       1.5 mm
-        0.314 rad/s    30.6 mm     16.3 mm       6.0 mm        10.0 mm      3.2 mm
-        =============  ==========  ============  ============  ===========  ===========
-
-        At 0.105 rad/s the hand's direction is off by up to 1.1 deg at first, 0.35 deg after 10 s
-        and 0.13 deg after 30 s. The joints are coupled: the slowest mode, S1 with S3, swings at
-        0.75 Hz and lasts longest.
-        """
-        return PD_GAINS["lightly_damped"]
-
-    @classmethod
-    def WellDamped(cls) -> PdGains:
-        """A good controller: the hand follows the path within 0.1 mm from 0.5 s on.
-
-        w = 2 pi 3.0 rad/s and zeta = 1. Measured as above, at 0.105 rad/s: 1.2 mm at first and
-        0.02 mm later; at 1.3 rad/s 15 mm at first and 2.6 mm later.
-        """
-        return PD_GAINS["well_damped"]
-
-    @classmethod
-    def FromPreset(cls, name: str) -> PdGains:
-        """Gains by the name of a preset.
-
-        Args:
-            name: ``lightly_damped`` or ``well_damped``.
-
-        Returns:
-            The gains.
-
-        Raises:
-            ValueError: If there is no such preset; the message lists the names.
-        """
-        if name not in PD_GAINS:
-            raise ValueError(f"unknown PD gains '{name}'; known presets: {', '.join(PD_GAINS)}")
-        return PD_GAINS[name]
-
-
-PD_GAINS: Mapping[str, PdGains] = MappingProxyType(
-    {
-        "lightly_damped": PdGains(
-            kp=(116.0, 161.0, 43.0, 42.0, 1.6, 1.6, 0.8),
-            kd=(0.667, 0.925, 0.247, 0.242, 0.0091, 0.0091, 0.0045),
-        ),
-        "well_damped": PdGains(
-            kp=(1050.0, 1450.0, 390.0, 380.0, 14.0, 14.0, 7.1),
-            kd=(111.0, 154.0, 41.0, 40.0, 1.5, 1.5, 0.75),
-        ),
-    }
-)
-"""The presets of :class:`PdGains` by name."""
+__all__ = ["AddGravityCompensation", "PdController"]
 
 
 class PdController(LeafSystem):
@@ -211,13 +121,14 @@ def AddGravityCompensation(
 ) -> InverseDynamics:
     """Adds the torques that carry the arm's weight, and connects them to a controller.
 
-    Without them, the soft gains of :meth:`PdGains.LightlyDamped` let joint S2 give way by 20 deg
+    Without them, the soft gains of
+    :meth:`~mffdrake.systems.pd_gains.PdGains.LightlyDamped` let joint S2 give way by 20 deg
     under the weight of the arm alone.
 
     Args:
         builder: The builder of the diagram.
         arm_plant: The controller's model of the arm alone, with the n joints of the controller;
-            see :func:`~mffdrake.systems.pa10.MakePa10Plant`.
+            see :meth:`~mffdrake.systems.arm.ArmModel.MakePlant`.
         estimated_state: The output port with the arm's state, of size 2n.
         feedforward_torque: The controller's input port of that name, of size n.
         name: The system's name.
@@ -227,6 +138,7 @@ def AddGravityCompensation(
 
     Example:
         >>> from mffdrake.systems.pa10 import MakePa10Plant
+        >>> from mffdrake.systems.pd_gains import PdGains
         >>> from pydrake.systems.framework import DiagramBuilder
         >>> builder = DiagramBuilder()
         >>> arm = builder.AddSystem(MakePa10Plant(0.001))

@@ -23,7 +23,7 @@ from mffdrake.recognition.pose import pose_from_transform
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.pa10 import MakePa10Plant
-from mffdrake.systems.pd_controller import PD_GAINS
+from mffdrake.systems.pd_gains import PD_GAINS
 from mffdrake.systems.timing import Timing
 
 PARTS = {

@@ -28,7 +28,7 @@ from mffdrake.recognition import (
 )
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pa10 import AddCameraFrames
-from mffdrake.systems.pd_controller import PdGains
+from mffdrake.systems.pd_gains import PdGains
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.timing import Timing
 
