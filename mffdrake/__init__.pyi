@@ -85,8 +85,8 @@ from mffdrake.recognition.calibration import read_camera as read_camera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
 from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
 from mffdrake.recognition.pose_motion import transport_pose as transport_pose
-from mffdrake.systems.arm import ArmError as ArmError
 from mffdrake.systems.arm import ArmModel as ArmModel
+from mffdrake.systems.arm_joints import ArmError as ArmError
 from mffdrake.systems.camera_delay import AddDelay as AddDelay
 from mffdrake.systems.camera_frames import AddCameraFrame as AddCameraFrame
 from mffdrake.systems.camera_frames import AddCameraFrames as AddCameraFrames

@@ -55,7 +55,7 @@ from mffdrake.experiment.track_command import RunTrack
 from mffdrake.experiment.visualization import SaveReplay
 from mffdrake.recognition import ParameterError
 from mffdrake.recognition.calibration import CalibrationError
-from mffdrake.systems.arm import ArmError
+from mffdrake.systems.arm_joints import ArmError
 from mffdrake.systems.graphics import GraphicsUnavailableError
 from mffdrake.systems.inverse_kinematics import UnreachablePathError
 

@@ -18,7 +18,7 @@ from mffdrake.experiment.cameras import AddFrames, CalcKnownX_EC, MakeMounts, Ma
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.experiment.target import AddTarget, FindTargetMesh, LoadSolid
 from mffdrake.recognition import CameraRig, SolidModel
-from mffdrake.systems.arm import MovingJoints
+from mffdrake.systems.arm_joints import MovingJoints
 from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
 from mffdrake.systems.camera_frames import AddCameraFrame
 from mffdrake.systems.disturbances import AddDisturbances
@@ -179,7 +179,15 @@ def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
     """
     config = scenario.controller
     instance = arm.GetModelInstanceByName(scenario.arm.model)
-    made = config.gains.MakeGains(arm, instance, scenario.arm.nominal_positions)
+    try:
+        made = config.gains.MakeGains(
+            arm,
+            positions=scenario.arm.nominal_positions,
+            model_instance=instance,
+            timing=scenario.timing,
+        )
+    except ValueError as error:
+        raise ScenarioError(f"controller.gains: {error}") from error
     gains = {
         "kp": made.kp if config.kp is None else config.kp,
         "kd": made.kd if config.kd is None else config.kd,

@@ -20,25 +20,27 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint, RevoluteJoint
 
 from mffdrake.recognition.parameters import Finite, parameters
+from mffdrake.systems.arm_joints import (
+    POSE_SIZE,
+    ArmError,
+    CheckPosture,
+    JointNames,
+    MovingJoints,
+)
 from mffdrake.systems.models import ConfigureParser
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
     from pydrake.multibody.tree import Joint
 
-__all__ = ["ArmError", "ArmModel", "CheckPosture", "MovingJoints", "UnitOf"]
+__all__ = ["ArmError", "ArmModel"]
 
 _PA10_DIRECTIVES: tuple[dict[str, Any], ...] = (
     {"add_model": {"name": "pa10", "file": "package://mffdrake/pa10.urdf"}},
     {"add_weld": {"parent": "world", "child": "pa10::base_link"}},
 )
-_POSE_SIZE = 6  # A hand pose takes that many joints.
-
-
-class ArmError(ValueError):
-    """The arm's description does not make an arm; the message is one line that says why."""
 
 
 @parameters
@@ -75,8 +77,8 @@ class ArmModel:
         >>> plant = arm.MakePlant()
         >>> plant.Finalize()
         >>> instance = plant.GetModelInstanceByName(arm.model)
-        >>> print(*(joint.name() for joint in MovingJoints(plant, instance)))
-        S1 S2 S3 E1 E2 W1 W2
+        >>> JointNames(MovingJoints(plant, instance))
+        'S1, S2, S3, E1, E2, W1, W2'
     """
 
     directives: tuple[dict[str, Any], ...] = _PA10_DIRECTIVES
@@ -185,7 +187,7 @@ class ArmModel:
             if name != self.model and plant.num_velocities(instance) > 0:
                 raise ArmError(
                     f"arm: the model '{name}' has moving joints "
-                    f"({_Names(MovingJoints(plant, instance))}), but only the arm "
+                    f"({JointNames(MovingJoints(plant, instance))}), but only the arm "
                     f"'{self.model}' may have some. Make them fixed."
                 )
         self._CheckJoints(plant, models[self.model])
@@ -200,10 +202,10 @@ class ArmModel:
                     f"arm: joint {joint.name()} is of type '{joint.type_name()}', but must be "
                     "revolute or prismatic. Split it, or make it fixed."
                 )
-        if len(joints) < _POSE_SIZE:
+        if len(joints) < POSE_SIZE:
             raise ArmError(
                 f"arm: the model '{self.model}' has {len(joints)} moving joints "
-                f"({_Names(joints) or 'none'}), but a hand pose takes at least {_POSE_SIZE}. "
+                f"({JointNames(joints) or 'none'}), but a hand pose takes at least {POSE_SIZE}. "
                 "Use an arm with more."
             )
         actuated = [
@@ -219,7 +221,7 @@ class ArmModel:
         if actuated != [joint.name() for joint in joints]:
             raise ArmError(
                 f"arm: the actuators' order is {', '.join(actuated)}, the joints' "
-                f"{_Names(joints)}. List the model's transmissions in the joints' order."
+                f"{JointNames(joints)}. List the model's transmissions in the joints' order."
             )
 
     def _CheckPosture(self, plant: MultibodyPlant, instance: ModelInstanceIndex) -> None:
@@ -232,74 +234,6 @@ class ArmModel:
                 f"{', '.join(close)}. Set hand_frame, or add one by add_frame."
             )
         CheckPosture(joints, _Positions(joints, self.nominal_deg), self.held_joints)
-
-
-def MovingJoints(plant: MultibodyPlant, model_instance: ModelInstanceIndex) -> list[Joint]:
-    """A model's joints that move, in the order of its positions: from an arm's base to its tip.
-
-    Args:
-        plant: A finalized plant.
-        model_instance: The model.
-
-    Returns:
-        The joints.
-    """
-    joints = [plant.get_joint(i) for i in plant.GetJointIndices(model_instance)]
-    return sorted(
-        (joint for joint in joints if joint.num_positions() > 0),
-        key=lambda joint: joint.position_start(),
-    )
-
-
-def CheckPosture(
-    joints: Sequence[Joint], nominal: NDArray[np.float64], held_joints: Sequence[str]
-) -> None:
-    """Checks the posture near which an arm stays, and what is left of it to move.
-
-    Args:
-        joints: The arm's joints.
-        nominal: Their nominal positions [rad, or m where a joint slides].
-        held_joints: Names of those that stay there.
-
-    Raises:
-        ArmError: If there is not one position for each joint, within its limits, or if fewer than
-            six joints are left to lead the hand.
-    """
-    names = [joint.name() for joint in joints]
-    if len(nominal) != len(joints):
-        raise ArmError(
-            f"arm: the nominal posture (nominal_deg) must have {len(joints)} numbers, one for each "
-            f"of {', '.join(names)}, not {len(nominal)}."
-        )
-    unknown = [name for name in held_joints if name not in names]
-    if unknown:
-        raise ArmError(
-            f"arm: held_joints names {', '.join(unknown)}, but the joints are "
-            f"{', '.join(names)}. Use these names, or [] to hold none."
-        )
-    num_free = len(set(names) - set(held_joints))
-    if num_free < _POSE_SIZE:
-        raise ArmError(
-            f"arm: held_joints leaves {num_free} of {len(joints)} joints, but a hand pose takes "
-            f"{_POSE_SIZE}. Hold fewer."
-        )
-    for joint, position in zip(joints, nominal, strict=True):
-        lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
-        if not lower <= position <= upper:
-            raise ArmError(
-                f"arm: the nominal posture (nominal_deg) has joint {joint.name()} at "
-                f"{position:.3f}, outside its limits {lower:.3f} to {upper:.3f} {UnitOf(joint)}. "
-                "Move it inside."
-            )
-
-
-def UnitOf(joint: Joint) -> str:
-    """Unit of a joint's position: ``m`` where it slides, ``rad`` where it turns."""
-    return "m" if isinstance(joint, PrismaticJoint) else "rad"
-
-
-def _Names(joints: Iterable[Joint]) -> str:
-    return ", ".join(joint.name() for joint in joints)
 
 
 def _Positions(joints: Sequence[Joint], nominal_deg: Sequence[float]) -> NDArray[np.float64]:
@@ -316,7 +250,9 @@ def _WithUri(directive: Mapping[str, Any]) -> dict[str, Any]:
     changed = dict(directive)
     for kind in ("add_model", "add_directives"):
         options: Any = changed.get(kind)
-        file = options.get("file") if isinstance(options, dict) else None
+        if not isinstance(options, dict):
+            continue
+        file = options.get("file")
         if isinstance(file, str) and file and "://" not in file:
             changed[kind] = {**options, "file": f"file://{Path(file).expanduser().absolute()}"}
     return changed

@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from mffdrake.systems._elbow import Elbow
-from mffdrake.systems.arm import CheckPosture, MovingJoints, UnitOf
+from mffdrake.systems.arm_joints import POSE_SIZE, CheckPosture, MovingJoints, UnitOf
 from mffdrake.systems.pa10 import NOMINAL_POSITIONS
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class ArmKinematics:
         self._lower = np.array([joint.position_lower_limits()[0] for joint in joints])
         self._upper = np.array([joint.position_upper_limits()[0] for joint in joints])
         self._speed = np.array([joint.velocity_upper_limits()[0] for joint in joints])
-        self._redundant = len(self._free) > 6
+        self._redundant = len(self._free) > POSE_SIZE
         self.CalcPose(self._nominal)
         self._elbow = Elbow.Find(joints, self._context)
 

@@ -121,13 +121,14 @@ def AddGravityCompensation(
 ) -> InverseDynamics:
     """Adds the torques that carry the arm's weight, and connects them to a controller.
 
-    Without them, the soft gains of :class:`~mffdrake.systems.pd_gains.LightlyDamped` let joint S2
-    give way by 20 deg under the weight of the arm alone.
+    Without them, the soft gains of
+    :meth:`~mffdrake.systems.pd_gains.PdGains.LightlyDamped` let joint S2 give way by 20 deg
+    under the weight of the arm alone.
 
     Args:
         builder: The builder of the diagram.
         arm_plant: The controller's model of the arm alone, with the n joints of the controller;
-            see :func:`~mffdrake.systems.pa10.MakePa10Plant`.
+            see :meth:`~mffdrake.systems.arm.ArmModel.MakePlant`.
         estimated_state: The output port with the arm's state, of size 2n.
         feedforward_torque: The controller's input port of that name, of size n.
         name: The system's name.

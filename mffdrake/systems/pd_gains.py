@@ -1,36 +1,39 @@
-"""Gains of the PD controller: the PA-10's presets, and any arm's from its mass matrix."""
+"""Gains of the arm's joint controller: presets for the PA-10, natural frequencies for any arm."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
 
 from mffdrake.recognition.parameters import NonNegative, OneOf, Positive, parameters
-from mffdrake.systems.arm import MovingJoints
+from mffdrake.systems.arm_joints import JointNames, MovingJoints
 from mffdrake.systems.pa10 import JOINT_NAMES
+from mffdrake.systems.timing import Timing
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import ModelInstanceIndex
 
 __all__ = ["PD_GAINS", "Gains", "LightlyDamped", "NaturalFrequency", "PdGains", "WellDamped"]
 
-Array = NDArray[np.float64]
-
-_LEAST_INERTIA = 0.01  # of the largest
+_LEAST_INERTIA = 0.01  # Share of the arm's largest inertia that every joint's gains are made for.
 
 
 @dataclass(frozen=True, kw_only=True)
 class PdGains:
-    """Gains of the arm's PD controller, one number a joint in the order of ``JOINT_NAMES``.
+    """Gains of the arm's PD controller, one number a joint from base to tip.
 
-    Both presets are ``kp = M w^2`` and ``kd = 2 zeta w M``, rounded. M = (2.95, 4.09, 1.09, 1.07,
-    0.04, 0.04, 0.02) kg m^2 stands for the diagonal of the arm's mass matrix at its nominal pose;
-    the wrist's values are raised, for its own (0.020, 0.014, 0.006) would leave it too soft.
+    Both presets are the PA-10's: ``kp = M w^2`` and ``kd = 2 zeta w M``, rounded. M = (2.95, 4.09,
+    1.09, 1.07, 0.04, 0.04, 0.02) kg m^2 stands for the diagonal of the arm's mass matrix at its
+    nominal pose; the wrist's values are raised, for its own (0.020, 0.014, 0.006) would leave it
+    too soft. For any other arm see :meth:`FromNaturalFrequency`.
 
     Attributes:
         kp: Stiffness [N m/rad].
@@ -82,49 +85,57 @@ class PdGains:
         cls,
         plant: MultibodyPlant,
         *,
-        positions: Array,
+        positions: ArrayLike,
         frequency_hz: float,
         damping_ratio: float,
         model_instance: ModelInstanceIndex | None = None,
     ) -> PdGains:
-        """Gains of any arm: ``kp = M w^2`` and ``kd = 2 zeta w M``, w = 2 pi frequency.
+        """Gains with which each joint alone would swing at one frequency: any arm's.
 
-        M is the diagonal of the mass matrix at a posture, with the rotors' inertia where the model
-        tells it. Joints with less than 1 % of the largest inertia, such as a wrist's, are taken for
-        that: with their own they would give way to the other joints' motion. The joints are
-        coupled, so that the arm's modes swing somewhat slower and faster than the frequency.
+        ``kp = M w^2`` and ``kd = 2 zeta w M`` with ``w = 2 pi frequency_hz``. M is the diagonal of
+        the mass matrix, reflected rotor inertias included. Inertias below 1 % of the largest are
+        raised to that, as in the presets: the wrist alone is so light that with its own inertia it
+        would give way to the forces that the rest of the arm and the cameras exert on it. As the
+        joints are coupled, the slowest mode swings at less than ``frequency_hz``.
 
         Args:
             plant: A finalized plant with the arm.
-            positions: The posture [rad, or m where a joint slides], shape (n,).
-            frequency_hz: Natural frequency of each joint by itself [Hz].
-            damping_ratio: Its damping ratio; 1 is critical.
-            model_instance: The arm; by default all of the plant.
+            positions: The arm's posture [rad, or m where a joint slides], shape (n,).
+            frequency_hz: Natural frequency of each joint [Hz], positive.
+            damping_ratio: Share of critical damping, at least 0.
+            model_instance: The arm; by default all that moves in the plant.
 
         Returns:
-            The gains.
+            The gains, in the order of the positions.
+
+        Raises:
+            ValueError: If ``positions`` does not fit the arm.
 
         Example:
             >>> from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
             >>> gains = PdGains.FromNaturalFrequency(
-            ...     MakePa10Plant(), positions=NOMINAL_POSITIONS,
-            ...     frequency_hz=1.0, damping_ratio=0.018)
-            >>> [round(kp) for kp in gains.kp]
-            [117, 162, 43, 42, 2, 2, 2]
+            ...     MakePa10Plant(), positions=NOMINAL_POSITIONS, frequency_hz=1, damping_ratio=0.1
+            ... )
+            >>> np.round(gains.kp, 1)
+            array([116.3, 161.6,  43.1,  42.3,   1.6,   1.6,   1.6])
         """
+        joints = MovingJoints(plant, model_instance)
+        q = np.array(positions, dtype=float)
+        if q.shape != (len(joints),):
+            raise ValueError(
+                f"PdGains: positions must have shape ({len(joints)},), one number for each of "
+                f"{JointNames(joints)}, not {q.shape}"
+            )
         context = plant.CreateDefaultContext()
-        rows = slice(None)
-        if model_instance is None:
-            plant.SetPositions(context, positions)
-        else:
-            plant.SetPositions(context, model_instance, positions)
-            starts = [joint.velocity_start() for joint in MovingJoints(plant, model_instance)]
-            rows = slice(starts[0], starts[-1] + 1)
-        inertia = np.diag(plant.CalcMassMatrix(context))[rows]
-        inertia = np.maximum(inertia, _LEAST_INERTIA * inertia.max())
-        omega = 2.0 * math.pi * frequency_hz
-        kp, kd = omega**2 * inertia, 2.0 * damping_ratio * omega * inertia
-        return cls(kp=tuple(kp.tolist()), kd=tuple(kd.tolist()))
+        all_positions = plant.GetPositions(context)
+        all_positions[[joint.position_start() for joint in joints]] = q
+        plant.SetPositions(context, all_positions)
+        inertias = np.diag(plant.CalcMassMatrix(context))[
+            [joint.velocity_start() for joint in joints]
+        ]
+        M = np.maximum(inertias, _LEAST_INERTIA * np.max(inertias))
+        w = 2.0 * np.pi * frequency_hz
+        return cls(kp=tuple((M * w**2).tolist()), kd=tuple((2.0 * damping_ratio * w * M).tolist()))
 
     @classmethod
     def FromPreset(cls, name: str) -> PdGains:
@@ -161,20 +172,58 @@ PD_GAINS: Mapping[str, PdGains] = MappingProxyType(
 
 @parameters
 class NaturalFrequency:
-    """Gains from the arm's mass matrix, see `PdGains.FromNaturalFrequency`.
+    """Gains by what they do, for any arm: how fast each joint swings, and how soon it calms down.
+
+    The zero-order hold and its delay of one control period T take ``kp T`` off the damping ``kd``:
+    of the damping ratio, ``pi frequency_hz T``. What is left must be positive, or the arm swings
+    more and more.
 
     Attributes:
-        frequency_hz: Natural frequency of each joint by itself [Hz].
-        damping_ratio: Its damping ratio; 1 is critical.
+        frequency_hz: Natural frequency of each joint alone [Hz].
+        damping_ratio: Share of critical damping: at 1 a joint does not swing.
+
+    Example:
+        >>> from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+        >>> gains = NaturalFrequency(frequency_hz=3).MakeGains(
+        ...     MakePa10Plant(), positions=NOMINAL_POSITIONS
+        ... )
+        >>> np.round(gains.kd)
+        array([111., 154.,  41.,  40.,   2.,   2.,   2.])
     """
 
     frequency_hz: Positive = 1.0
     damping_ratio: NonNegative = 1.0
 
     def MakeGains(
-        self, plant: MultibodyPlant, model_instance: ModelInstanceIndex, positions: Array
+        self,
+        plant: MultibodyPlant,
+        *,
+        positions: ArrayLike,
+        model_instance: ModelInstanceIndex | None = None,
+        timing: Timing | None = None,
     ) -> PdGains:
-        """The gains of an arm at a posture [rad], shape (n,)."""
+        """The gains of an arm in a posture; see :meth:`PdGains.FromNaturalFrequency`.
+
+        Args:
+            plant: A finalized plant with the arm.
+            positions: The arm's posture [rad, or m where a joint slides], shape (n,).
+            model_instance: The arm; by default all that moves in the plant.
+            timing: Gives the control period; 1 ms by default.
+
+        Returns:
+            The gains, in the order of the positions.
+
+        Raises:
+            ValueError: If ``positions`` does not fit the arm, or the hold would take all damping.
+        """
+        period = (timing or Timing()).control_period
+        lost = math.pi * self.frequency_hz * period
+        if self.damping_ratio <= lost:
+            raise ValueError(
+                f"NaturalFrequency: damping_ratio must be above {lost:.3g}, not "
+                f"{self.damping_ratio:g}: at {self.frequency_hz:g} Hz the controller's hold of "
+                f"{1e3 * period:g} ms takes that much off it. Raise it, or reduce frequency_hz."
+            )
         return PdGains.FromNaturalFrequency(
             plant,
             positions=positions,
@@ -191,13 +240,20 @@ class _Preset:
     design: NaturalFrequency
 
     def MakeGains(
-        self, plant: MultibodyPlant, model_instance: ModelInstanceIndex, positions: Array
+        self,
+        plant: MultibodyPlant,
+        *,
+        positions: ArrayLike,
+        model_instance: ModelInstanceIndex | None = None,
+        timing: Timing | None = None,
     ) -> PdGains:
-        """The gains of an arm at a posture [rad], shape (n,)."""
+        """The gains of an arm in a posture; see `NaturalFrequency.MakeGains`."""
         names = [joint.name() for joint in MovingJoints(plant, model_instance)]
         if tuple(names) == JOINT_NAMES:
             return PD_GAINS[self.name]
-        return self.design.MakeGains(plant, model_instance, positions)
+        return self.design.MakeGains(
+            plant, positions=positions, model_instance=model_instance, timing=timing
+        )
 
 
 @parameters

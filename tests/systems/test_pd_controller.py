@@ -11,9 +11,9 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.systems.hand_path import AddHandPathSource, HandPath, SolveHandPath
-from mffdrake.systems.pa10 import JOINT_NAMES, NUM_JOINTS, AddPa10, MakePa10Plant
+from mffdrake.systems.pa10 import JOINT_NAMES, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import AddGravityCompensation, PdController
-from mffdrake.systems.pd_gains import PD_GAINS, PdGains
+from mffdrake.systems.pd_gains import PdGains
 from mffdrake.systems.timing import Timing
 
 KP, KD = np.array([100.0, 20.0]), np.array([3.0, 0.5])
@@ -117,23 +117,6 @@ def test_the_first_torque_is_computed_at_initialization():
 def test_invalid_vectors_are_rejected_in_one_line(values, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         PdController(**{"kp": [1.0, 2.0], "kd": [1.0, 2.0], **values})
-
-
-# Gains.
-
-
-def test_presets_have_names():
-    assert list(PD_GAINS) == ["lightly_damped", "well_damped"]
-    assert PdGains.FromPreset("lightly_damped") == PdGains.LightlyDamped()
-    assert PdGains.FromPreset("well_damped") == PdGains.WellDamped()
-    for gains in PD_GAINS.values():
-        assert len(gains.kp) == len(gains.kd) == NUM_JOINTS
-
-
-def test_an_unknown_preset_is_answered_with_the_known_ones():
-    message = "unknown PD gains 'soft'; known presets: lightly_damped, well_damped"
-    with pytest.raises(ValueError, match=f"^{message}$"):
-        PdGains.FromPreset("soft")
 
 
 # The arm under control, without cameras.
