@@ -13,7 +13,13 @@ from typing import Any
 
 from mffdrake.experiment.scenario import Change, Scenario, ScenarioError
 from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml
-from mffdrake.recognition.parameters import plain
+from mffdrake.recognition.parameters import (
+    OneOf,
+    ParameterError,
+    merge,
+    plain,
+    read_parameters,
+)
 
 __all__ = ["Grid", "GridRun", "LoadGrid", "MakeGrid"]
 
@@ -139,8 +145,8 @@ def _OnTop(base: Scenario, data: Any) -> Scenario:
     if not isinstance(data, dict):
         raise ScenarioError(f"scenario must be a mapping such as {{duration: 20}}, not {data!r}")
     try:
-        return Change(base, data)
-    except ScenarioError as error:
+        return read_parameters(Scenario, merge(base, data))
+    except ParameterError as error:
         raise ScenarioError(f"scenario: {error}") from error
 
 
@@ -225,6 +231,8 @@ def _Find(data: Any, key: str, value: Any) -> Any:
 
 def _Remove(data: dict[str, Any], names: list[str]) -> None:
     """Removes an entry of nested mappings, and those that it leaves empty."""
+    if OneOf.TAG in data:  # It might not be complete without.
+        return
     first, *rest = names
     if rest and isinstance(data[first], dict):
         _Remove(data[first], rest)

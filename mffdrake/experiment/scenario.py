@@ -207,7 +207,8 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         The other scenario.
 
     Raises:
-        ScenarioError: When a key is unknown or a value has the wrong type or range.
+        ScenarioError: When a key is unknown or part of another one, or a value has the wrong type
+            or range.
 
     Example:
         >>> Change(Scenario(), {"seed": 3, "camera.width": 320}).camera.width
@@ -215,7 +216,10 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """
     nested: dict[str, Any] = {}
     for key, value in values.items():
-        *sections, name = key.split(".")
+        for other in values:
+            if str(other).startswith(f"{key}."):
+                raise ScenarioError(f"'{key}' and '{other}' overlap; change one of them")
+        *sections, name = str(key).split(".")
         inner = nested
         for section in sections:
             inner = inner.setdefault(section, {})

@@ -18,9 +18,12 @@ class ScenarioError(ParameterError):
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Keeps tags, takes 1e-3 for a number, and refuses a key that stands there twice."""
+    """Keeps tags, takes 1e-3 for a number and a date for a text, and refuses a key twice."""
 
-    yaml_implicit_resolvers: ClassVar = dict(yaml.SafeLoader.yaml_implicit_resolvers)
+    yaml_implicit_resolvers: ClassVar = {
+        first: [pair for pair in pairs if not pair[0].endswith(":timestamp")]
+        for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
@@ -55,11 +58,12 @@ def _RepresentMapping(dumper: _Dumper, data: Mapping[str, Any]) -> yaml.Node:
 
 
 # YAML 1.1, which PyYAML reads, takes 1e-3 and 1E5 for texts, everybody else for numbers.
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
-    list("-+0123456789"),
-)
+for _either in (_Loader, _Dumper):
+    _either.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
+        list("-+0123456789"),
+    )
 _Loader.add_constructor("tag:yaml.org,2002:map", _Mapping)
 _Loader.add_multi_constructor("!", _Tagged)
 _Dumper.add_representer(dict, _RepresentMapping)
@@ -110,5 +114,12 @@ def DumpYaml(data: Any, *, flow: bool | None = None) -> str:
         >>> print(DumpYaml({"refinement": {"_tag": "!Borders", "window": 8}}), end="")
         refinement: !Borders {window: 8}
     """
-    text: str = yaml.dump(data, Dumper=_Dumper, default_flow_style=flow, width=100, sort_keys=False)
+    text: str = yaml.dump(
+        data,
+        Dumper=_Dumper,
+        default_flow_style=flow,
+        width=100,
+        sort_keys=False,
+        allow_unicode=True,
+    )
     return text

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from mffdrake.experiment.yaml_text import ReadYaml, ScenarioError
+from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml, ScenarioError
 from mffdrake.recognition import CameraRig, ColorModel, FaceColor, SolidModel
 from mffdrake.recognition.colors import learn_color
 from mffdrake.recognition.parameters import Finite, parameters, read_parameters
@@ -115,7 +114,7 @@ def DumpColors(model: ColorModel) -> str:
     for field in dc.fields(ColorModel):
         if field.name != "colors":
             data[field.name] = getattr(model, field.name)
-    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    return DumpYaml(data)
 
 
 def LearnColors(

@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from mffdrake.recognition.parameters.messages import explain, unknown_key
+from mffdrake.recognition.parameters.messages import TAG, explain, unknown_key
 
 __all__ = [
     "Count",
@@ -81,8 +81,10 @@ def parameters(cls: type[_T]) -> type[_T]:
 
     def _check_keys(owner: type, data: Any) -> Any:
         known = [field.name for field in dc.fields(owner)]
-        if data is None or isinstance(data, str | int | float | tuple | list):
+        tagged = isinstance(data, Mapping) and TAG in data
+        if tagged or data is None or isinstance(data, str | int | float | tuple | list):
             rule = f"must be a mapping with the keys {', '.join(known)}" if known else "has no keys"
+            rule += ", without a tag" if tagged else ""
             raise PydanticCustomError("no_mapping", "{text}", {"text": rule})
         if isinstance(data, Mapping):
             for key in data:
@@ -116,6 +118,11 @@ def _tidy(value: Any) -> Any:
     if hasattr(value, "tolist") and not isinstance(value, type):
         value = value.tolist()
     return tuple(_tidy(item) for item in value) if isinstance(value, list | tuple) else value
+
+
+def _listed(value: Any) -> Any:
+    """What JSON does not know: NumPy's as Python's, all else as a text to be refused or shown."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 _Adapter = pydantic.TypeAdapter[Any]
@@ -153,7 +160,7 @@ def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
         unknown key 'deviations' in noise (did you mean 'deviation'?); known keys: deviation
     """
     try:
-        made: _T = _adapter(cast(Hashable, cls)).validate_json(json.dumps(data))
+        made: _T = _adapter(cast(Hashable, cls)).validate_json(json.dumps(data, default=_listed))
     except ValidationError as error:
         raise ParameterError(explain(error, where)) from error
     return made

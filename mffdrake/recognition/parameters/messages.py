@@ -8,7 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-__all__ = ["explain", "unknown_key"]
+__all__ = ["TAG", "explain", "unknown_key"]
+
+TAG = "_tag"
+"""The key under which a mapping's tag is kept once YAML is read."""
 
 
 def unknown_key(key: str, known: Iterable[str]) -> str:
@@ -38,12 +41,16 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
         "'", ""
     ),
     "tuple_type": lambda c: "must be a list",
-    "too_short": lambda c: f"must be a list of {c.get('length', 'more')} values",
+    "too_short": lambda c: f"must be a list of {_least(c)} values",
     "too_long": lambda c: f"must be a list of {c['max_length']} values",
     "missing": lambda c: "must be given",
     "none_required": lambda c: "must be null",
     "no_mapping": lambda c: str(c["text"]),
 }
+
+
+def _least(context: dict[str, Any]) -> str:
+    return str(context.get("length", f"at least {context.get('min_length')}"))
 
 
 def _number(value: float) -> str:
@@ -90,4 +97,7 @@ def explain(error: ValidationError, where: str = "") -> str:
 def _shown(value: Any) -> str:
     if isinstance(value, tuple):
         value = list(value)
+    if isinstance(value, dict) and TAG in value:
+        items = {key: item for key, item in value.items() if key != TAG}
+        return f"{value[TAG]} {items}"
     return repr(value)

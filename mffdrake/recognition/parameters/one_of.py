@@ -13,6 +13,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from mffdrake.recognition.parameters.messages import TAG
+
 __all__ = ["OneOf", "choices", "kind_of", "required_parameters", "tag_of"]
 
 
@@ -43,7 +45,7 @@ class OneOf:
     short name alone, such as ``borders``, for its defaults.
     """
 
-    TAG: ClassVar[str] = "_tag"
+    TAG: ClassVar[str] = TAG
     """The key under which a mapping's tag is kept once YAML is read."""
 
     def __get_pydantic_core_schema__(

@@ -73,9 +73,9 @@ def merge(value: Any, data: Any, *, tagged: bool = False) -> Any:
     """
     if not (dc.is_dataclass(value) and isinstance(data, Mapping)) or OneOf.TAG in data:
         return data
-    if tagged and not data:  # That is one of the choices: the one without parameters.
-        return data
     cls: Any = type(value)
+    if tagged and not (data and dc.fields(cls)):  # Nothing is the choice without parameters.
+        return data
     merged = {OneOf.TAG: tag_of(cls)} if tagged else {}
     for name, choice in _fields(cls):
         old = getattr(value, name)
