@@ -183,11 +183,11 @@ class ArmKinematics:
     def _ApproachNominal(self, X_WE: RigidTransform, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """From a solution to the one nearest to nominal."""
         for _ in range(100):
-            error = self.CalcPoseError(q, X_WE)
-            if np.max(np.abs(np.append(error, self.CalcNominalError(q)))) < _CONVERGED:
-                break
             pull = (q - self._nominal)[self._free]
-            q = q + np.clip(self._SolveNearNominal(q, error, pull), -0.2, 0.2)
+            step = self._SolveNearNominal(q, self.CalcPoseError(q, X_WE), pull)
+            q = q + np.clip(step, -0.2, 0.2)
+            if np.max(np.abs(step)) < _CONVERGED:
+                break
         return q
 
     def CheckPose(self, q: NDArray[np.float64], X_WE: RigidTransform, t: float) -> None:
@@ -279,6 +279,6 @@ def _CalcCurvature(J: NDArray[np.float64], multipliers: NDArray[np.float64]) -> 
     A joint turns the columns of those after it; it moves the hand on which those before it act.
     """
     w, v = J[:3].T, J[3:].T
-    turn = np.cross(w[np.newaxis], w[:, np.newaxis]) @ multipliers[:3]  # of joint i by joint j
-    move = np.cross(w[:, np.newaxis], v[np.newaxis]) @ multipliers[3:]  # by i of the hand, at j
+    turn = np.cross(w, multipliers[:3]) @ w.T  # of joint i's axis by joint j
+    move = np.cross(multipliers[3:], w) @ v.T  # by joint i of the hand, which joint j moves
     return np.tril(turn + move.T) + np.triu(move, 1)

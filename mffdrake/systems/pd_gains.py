@@ -117,7 +117,7 @@ class PdGains:
             ...     MakePa10Plant(), positions=NOMINAL_POSITIONS, frequency_hz=1, damping_ratio=0.1
             ... )
             >>> np.round(gains.kp, 1)
-            array([116.3, 161.6,  43.1,  42.3,   1.6,   1.6,   1.6])
+            array([116.6, 161.6,  43. ,  42.1,   1.6,   1.6,   1.6])
         """
         joints = MovingJoints(plant, model_instance)
         q = np.array(positions, dtype=float)
