@@ -325,7 +325,7 @@ def main(duration: float = 10.0) -> None:
             answer = "yes" if feedforward else "no"
             rows.append((name, answer, f"{rms:.2f}", f"{error.max():.1f}", f"{lost:.1%}"))
     table = (f"{a:26} {b:4} {c:>9} {d:>11} {e:>14}" for a, b, c, d, e in rows)
-    print("\n".join(table))  # noqa: T201
+    print("\n".join(table))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ DIAGRAM = ["--workers", "2", "--graphviz", "out/diagram.svg"]
 DEMO = [["-m", "mffdrake", "reproduce", "--short", *DIAGRAM]]
 QUICK_DEMO = [["-m", "mffdrake", "compare", "--renderer", "flat", *DIAGRAM]]
 BENCH = [["benchmarks/report.py"]]
-TEST = [["-m", "pytest"]]
+TEST = [["-m", "pytest", "-n", "logical", "--dist", "worksteal"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]
 

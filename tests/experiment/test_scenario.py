@@ -420,7 +420,7 @@ def test_a_dump_shows_every_key():
         ("recognizer: {sampling: {margins: 1}}", "recognizer.sampling", "'margin'"),
         ("{1: 2}", "'1'", "known keys"),
         ("target: {X_WM: {base_frame: w}}", "'base_frame' in target.X_WM", "translation, rotation"),
-        ("hand_path: !Circle {omega: 1}", "hand_path", "known keys"),
+        ("hand_path: !Circle {omega: 1}", "hand_path", "without a tag, not !Circle"),
         # Wrong types.
         ("seed: '3'", "seed", "a whole number, not '3'"),
         ("seed: 1.5", "seed", "a whole number, not 1.5"),
