@@ -118,9 +118,10 @@ class LensDistortion(LeafSystem):
 
     Each pixel takes the mean of 4 x 4 lines of sight, which see the nearest pixels of the pinhole's
     image: at a border, its colors are mixed by the areas that they cover, as in a real camera.
-    Refined poses of the target box at 0.6 to 1.0 m are then 0.06 mm off in the median. With the
-    nearest pixel for each pixel, or interpolation between four, in images twice as sharp as the
-    camera's, it was 0.2 and 0.1 mm, and more than a tenth of the poses were not refined at all.
+    It was chosen by measurement: of 30 poses of the target box at 0.6 to 1.0 m, drawn by the flat
+    renderer and a pinhole twice as sharp as the camera, all were refined, to 0.05 mm in the median.
+    With one line of sight a pixel it was 0.2 mm, and a tenth of the poses could not be refined; by
+    interpolation between four pixels it was 0.06 to 0.1 mm, and as many could not.
     What the lens cannot show is black.
 
     Ports:
