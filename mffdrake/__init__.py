@@ -14,7 +14,7 @@ from typing import Any
 _MODULES = {
     "experiment.cluster": "ClusterError DaskCluster",
     "experiment.comparison": "Compare MakeVariants",
-    "experiment.diagram": "MakeHandEyeDiagram",
+    "experiment.diagram": "HandEyeParts MakeHandEyeDiagram",
     "experiment.evaluation": "Evaluate MarkdownTable",
     "experiment.executors": "InProcess WorkerDiedError",
     "experiment.grid": "Grid LoadGrid MakeGrid",
@@ -29,7 +29,7 @@ _MODULES = {
     "experiment.recordings.rig_file": "DumpRig LoadRig RigError",
     "experiment.report": "Reproduce WriteReport",
     "experiment.reproduction": "Reproduction RunPlan Summarize",
-    "experiment.scenario": "LoadScenario Scenario ScenarioError",
+    "experiment.scenario": "Change LoadScenario Scenario ScenarioError",
     "experiment.simulation": "Simulate SimulationResult",
     "experiment.studies": "MakeStudies PLAIN_GA",
     "experiment.study": "PlanRuns Study Variant",
@@ -40,7 +40,7 @@ _MODULES = {
         "Estimate FaceColor GeneCoding Generation GeneticParameters LocalMoveParameters Matcher "
         "MatchingParameters NearStart OneStepGaTracker PoseSearch PoseTracker RandomStart "
         "RefinementParameters SamplingParameters SearchModel SearchParameters SearchRange "
-        "SolidModel Tracker"
+        "SolidModel Tracker TrackerParameters"
     ),
     "recognition.calibration": "CalibrationError read_camera",
     "recognition.pose": "pose_from_transform transform_from_pose",
@@ -50,6 +50,7 @@ _MODULES = {
     "systems.camera_delay": "AddDelay",
     "systems.camera_frames": "AddCameraFrame AddCameraFrames",
     "systems.camera_info": "CameraFromInfo MakeCameraInfo",
+    "systems.disturbances": "AddDisturbances",
     "systems.feedforward": "ConnectFeedforward",
     "systems.frame_recorder": "FrameRecorder",
     "systems.graphics": "GraphicsUnavailableError RequireGraphics",

@@ -2,6 +2,7 @@ from mffdrake.experiment.cluster import ClusterError as ClusterError
 from mffdrake.experiment.cluster import DaskCluster as DaskCluster
 from mffdrake.experiment.comparison import Compare as Compare
 from mffdrake.experiment.comparison import MakeVariants as MakeVariants
+from mffdrake.experiment.diagram import HandEyeParts as HandEyeParts
 from mffdrake.experiment.diagram import MakeHandEyeDiagram as MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate as Evaluate
 from mffdrake.experiment.evaluation import MarkdownTable as MarkdownTable
@@ -39,6 +40,7 @@ from mffdrake.experiment.report import WriteReport as WriteReport
 from mffdrake.experiment.reproduction import Reproduction as Reproduction
 from mffdrake.experiment.reproduction import RunPlan as RunPlan
 from mffdrake.experiment.reproduction import Summarize as Summarize
+from mffdrake.experiment.scenario import Change as Change
 from mffdrake.experiment.scenario import LoadScenario as LoadScenario
 from mffdrake.experiment.scenario import Scenario as Scenario
 from mffdrake.experiment.scenario import ScenarioError as ScenarioError
@@ -80,6 +82,7 @@ from mffdrake.recognition import SearchParameters as SearchParameters
 from mffdrake.recognition import SearchRange as SearchRange
 from mffdrake.recognition import SolidModel as SolidModel
 from mffdrake.recognition import Tracker as Tracker
+from mffdrake.recognition import TrackerParameters as TrackerParameters
 from mffdrake.recognition.calibration import CalibrationError as CalibrationError
 from mffdrake.recognition.calibration import read_camera as read_camera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
@@ -92,6 +95,7 @@ from mffdrake.systems.camera_frames import AddCameraFrame as AddCameraFrame
 from mffdrake.systems.camera_frames import AddCameraFrames as AddCameraFrames
 from mffdrake.systems.camera_info import CameraFromInfo as CameraFromInfo
 from mffdrake.systems.camera_info import MakeCameraInfo as MakeCameraInfo
+from mffdrake.systems.disturbances import AddDisturbances as AddDisturbances
 from mffdrake.systems.feedforward import ConnectFeedforward as ConnectFeedforward
 from mffdrake.systems.frame_recorder import FrameRecorder as FrameRecorder
 from mffdrake.systems.graphics import GraphicsUnavailableError as GraphicsUnavailableError

@@ -164,7 +164,7 @@ def _OwnDiagram(scenario: Scenario) -> Iterator[Diagram]:
     for a flaw of Python 3.11 with pydrake's classes, and has no idea how much memory hangs on it.
     """
     diagram = MakeHandEyeDiagram(scenario)
-    python_systems = [system for system in diagram.GetSystems() if _IsPython(system)]
+    python_systems = list(_PythonSystems(diagram))
     try:
         yield diagram
     finally:
@@ -174,8 +174,13 @@ def _OwnDiagram(scenario: Scenario) -> Iterator[Diagram]:
         gc.collect()
 
 
-def _IsPython(system: System) -> bool:
-    return type(system).__module__.partition(".")[0] != "pydrake"
+def _PythonSystems(diagram: Diagram) -> Iterator[System]:
+    """The systems written in Python, also those of diagrams inside."""
+    for system in diagram.GetSystems():
+        if isinstance(system, Diagram):
+            yield from _PythonSystems(system)
+        elif type(system).__module__.partition(".")[0] != "pydrake":
+            yield system
 
 
 def _WarmUp(diagram: Diagram, context: Context) -> None:
