@@ -23,7 +23,7 @@ def test_programs_run(k, tmp_path):
 
 
 def test_there_are_programs():
-    assert len(PROGRAMS) == 4
+    assert len(PROGRAMS) == 5
 
 
 def test_links_lead_somewhere():

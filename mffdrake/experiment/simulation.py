@@ -193,7 +193,7 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
         diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data
         for name in tracker.rig.names
     ]
-    tracker.track(tracker.start_population(images), images, frame=1)
+    tracker.track(tracker.start_population(images, frame=0), images, frame=1)
 
 
 class _Recorder:

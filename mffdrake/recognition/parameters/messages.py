@@ -78,7 +78,7 @@ def explain(error: ValidationError, where: str = "") -> str:
     for part in location:
         if isinstance(part, int):
             key += f"[{part}]"
-        elif not part.startswith("!") and part != "name":  # Those two are `OneOf`'s choices.
+        elif not part.startswith("!"):  # That is a choice of `OneOf`.
             key += f".{part}" if key else part
     if kind == "unknown_key":
         return str(context["text"]) % (f" in {key}" if key else "")

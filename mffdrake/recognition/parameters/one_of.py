@@ -63,7 +63,7 @@ class OneOf:
                 tag = value.get(self.TAG, None if value else empty)
                 return tag if tag in by_tag else None
             if isinstance(value, str):
-                return "name" if value in by_name else None
+                return "!" if value in by_name else None
             return tag_of(type(value)) if type(value) in kinds else None
 
         def check(value: Any) -> Any:
@@ -85,7 +85,7 @@ class OneOf:
             for tag, kind in by_tag.items()
         }
         if by_name:
-            choices["name"] = core_schema.no_info_after_validator_function(
+            choices["!"] = core_schema.no_info_after_validator_function(
                 lambda name: by_name[name](), core_schema.literal_schema(list(by_name))
             )
         return core_schema.no_info_before_validator_function(
