@@ -44,6 +44,8 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "too_short": lambda c: f"must be a list of {_least(c)} values",
     "too_long": lambda c: f"must be a list of {c['max_length']} values",
     "missing": lambda c: "must be given",
+    "dataclass_exact_type": lambda c: f"must be a {c['class_name']}",
+    "dataclass_type": lambda c: f"must be a {c['class_name']}",
     "none_required": lambda c: "must be null",
     "no_mapping": lambda c: str(c["text"]),
 }
