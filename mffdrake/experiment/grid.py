@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import difflib
 import itertools
 import json
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ from mffdrake.recognition.parameters import (
     merge,
     plain,
     read_parameters,
+    unknown_key,
 )
 
 __all__ = ["Grid", "GridRun", "LoadGrid", "MakeGrid"]
@@ -126,9 +126,7 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     """
     for key in data:
         if key not in _KEYS:
-            close = difflib.get_close_matches(str(key), _KEYS, n=1)
-            hint = f" (did you mean '{close[0]}'?)" if close else ""
-            raise ScenarioError(f"unknown key '{key}'{hint}; known keys: {', '.join(_KEYS)}")
+            raise ScenarioError(unknown_key(key, _KEYS))
     if not data:
         raise ScenarioError(f"must be a mapping with some of the keys {', '.join(_KEYS)}")
     base = _OnTop(scenario or Scenario(), data.get("scenario", {}))

@@ -6,7 +6,6 @@ unchanged. What is read holds for images as they come from the camera, not for r
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -23,6 +22,7 @@ from mffdrake.recognition._calibration_file import (
 )
 from mffdrake.recognition.cameras import Camera
 from mffdrake.recognition.distortion import Distortion
+from mffdrake.recognition.parameters import did_you_mean
 
 __all__ = ["Calibration", "CalibrationError", "read_calibration", "read_camera"]
 
@@ -260,8 +260,7 @@ def _model(keys: Keys) -> str:
     if value is None or value == "":
         return "fisheye" if fisheye else "plumb_bob"
     if value not in tuple(_MODELS):
-        close = difflib.get_close_matches(str(value), _MODELS, n=1)
-        hint = f" (did you mean '{close[0]}'?)" if close else ""
+        hint = did_you_mean(value, _MODELS)
         raise keys.error(f"{key} must be one of {', '.join(_MODELS)}, not {shorten(value)}{hint}")
     if fisheye and _MODELS[value] != "equidistant":
         raise keys.error(f"{key} must be equidistant or fisheye with {flag[0]}, not '{value}'")

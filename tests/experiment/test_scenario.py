@@ -419,6 +419,7 @@ def test_a_dump_shows_every_key():
         ("recognizer: {search_range: {u: [0, 1]}}", "'u' in recognizer.search_range", "x, y, z"),
         ("recognizer: {sampling: {margins: 1}}", "recognizer.sampling", "'margin'"),
         ("{1: 2}", "'1'", "known keys"),
+        ("{camera: {50%d: 2}}", "'50%d' in camera", "known keys"),
         ("target: {X_WM: {base_frame: w}}", "'base_frame' in target.X_WM", "translation, rotation"),
         ("hand_path: !Circle {omega: 1}", "hand_path", "without a tag, not !Circle"),
         # Wrong types.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import difflib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,6 +18,7 @@ from mffdrake.recognition.parameters import (
     Vector3,
     parameters,
     read_parameters,
+    unknown_key,
 )
 from mffdrake.systems.transforms import AngleAxisDeg, Identity, RpyDeg
 
@@ -185,9 +185,7 @@ def _ReadCameras(text: str) -> dict[str, Any]:
     data = ReadYaml(text)
     unknown = [str(key) for key in data if key != "cameras"]
     if unknown:
-        close = difflib.get_close_matches(unknown[0], ["cameras"])
-        hint = " (did you mean 'cameras'?)" if close else ""
-        raise RigError(f"unknown key '{unknown[0]}'{hint}; known keys: cameras")
+        raise RigError(unknown_key(unknown[0], ["cameras"]))
     cameras = data.get("cameras")
     if not isinstance(cameras, dict) or not cameras or "_tag" in cameras:
         raise RigError(

@@ -23,6 +23,7 @@ from mffdrake.recognition.parameters.checked import (
     parameters,
     read_parameters,
 )
+from mffdrake.recognition.parameters.messages import did_you_mean, unknown_key
 from mffdrake.recognition.parameters.one_of import OneOf, choices, kind_of, tag_of
 from mffdrake.recognition.parameters.plain_data import describe, merge, plain
 
@@ -39,10 +40,12 @@ __all__ = [
     "Vector3",
     "choices",
     "describe",
+    "did_you_mean",
     "kind_of",
     "merge",
     "parameters",
     "plain",
     "read_parameters",
     "tag_of",
+    "unknown_key",
 ]

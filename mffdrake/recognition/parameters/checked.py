@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from mffdrake.recognition.parameters.messages import TAG, explain, unknown_key
+from mffdrake.recognition.parameters.messages import TAG, explain
 
 __all__ = [
     "Count",
@@ -89,9 +89,8 @@ def parameters(cls: type[_T]) -> type[_T]:
         if isinstance(data, Mapping):
             for key in data:
                 if key not in known:
-                    raise PydanticCustomError(
-                        "unknown_key", "{text}", {"text": unknown_key(str(key), known)}
-                    )
+                    context = {"key": str(key), "known": known}
+                    raise PydanticCustomError("unknown_key", "unknown key", context)
             return {key: _tidy(value) for key, value in data.items()}
         return data
 

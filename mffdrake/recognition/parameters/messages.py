@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
-__all__ = ["TAG", "explain", "unknown_key"]
+__all__ = ["TAG", "did_you_mean", "explain", "unknown_key"]
 
 TAG = "_tag"
 """The key under which a mapping's tag is kept once YAML is read."""
 
 
-def unknown_key(key: str, known: Iterable[str]) -> str:
+def did_you_mean(given: object, known: Iterable[str]) -> str:
+    """The nearest right name in brackets; nothing where none is near."""
+    close = difflib.get_close_matches(str(given), list(known), n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def unknown_key(key: object, known: Sequence[str], where: str = "") -> str:
     """What to say of a key that is not there, with the nearest right one."""
-    known = list(known)
-    close = difflib.get_close_matches(key, known, n=1)
-    hint = f" (did you mean '{close[0]}'?)" if close else ""
-    return f"unknown key '{key}'%s{hint}; known keys: {', '.join(known) or 'none'}"
+    place = f" in {where}" if where else ""
+    names = ", ".join(known) or "none"
+    return f"unknown key '{key}'{place}{did_you_mean(key, known)}; known keys: {names}"
 
 
 def _one_of(context: dict[str, Any]) -> str:
@@ -37,9 +42,7 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "greater_than_equal": lambda c: f"must be at least {c['ge']:g}",
     "less_than": lambda c: f"must be below {_number(c['lt'])}",
     "less_than_equal": lambda c: f"must be at most {c['le']:g}",
-    "literal_error": lambda c: f"must be one of {c['expected'].replace(' or ', ', ')}".replace(
-        "'", ""
-    ),
+    "literal_error": _one_of,
     "tuple_type": lambda c: "must be a list",
     "too_short": lambda c: f"must be a list of {_least(c)} values",
     "too_long": lambda c: f"must be a list of {c['max_length']} values",
@@ -83,7 +86,7 @@ def explain(error: ValidationError, where: str = "") -> str:
         elif not part.startswith("!"):  # That is a choice of `OneOf`.
             key += f".{part}" if key else part
     if kind == "unknown_key":
-        return str(context["text"]) % (f" in {key}" if key else "")
+        return unknown_key(context["key"], context["known"], key)
     if kind == "one_of":
         return f"{key} {context['text']}".lstrip()
     if kind == "unexpected_keyword_argument":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import difflib
 import re
 import types
 import typing
@@ -13,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from mffdrake.recognition.parameters.messages import TAG
+from mffdrake.recognition.parameters.messages import TAG, did_you_mean
 
 __all__ = ["OneOf", "choices", "kind_of", "required_parameters", "tag_of"]
 
@@ -69,8 +68,7 @@ class OneOf:
         def check(value: Any) -> Any:
             if choose(value) is None:
                 given = value.get(self.TAG, value) if isinstance(value, Mapping) else value
-                close = difflib.get_close_matches(str(given), [*by_tag, *by_name], n=1)
-                hint = f" (did you mean '{close[0]}'?)" if close else ""
+                hint = did_you_mean(given, [*by_tag, *by_name])
                 text = f"must be one of {', '.join([*by_name, forms])}, not {given!r}{hint}"
                 raise PydanticCustomError("one_of", "{text}", {"text": text})
             return value
