@@ -13,15 +13,15 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.sensors import CameraInfo
 
 from mffdrake.experiment.camera_sections import HandCameraConfig
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import Camera, CameraRig
 from mffdrake.systems.camera_frames import AddCameraFrame
+from mffdrake.systems.camera_info import CameraFromInfo
 
 __all__ = ["AddFrames", "CalcKnownX_EC", "MakeKnownRig", "MakeMounts", "MakeRig", "Mount"]
-
-_HALF_PIXEL = 0.5  # Between Drake's pixel coordinates and `Camera`'s, see `camera_info`.
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,8 @@ def MakeMounts(scenario: Scenario) -> tuple[Mount, ...]:
         The cameras.
 
     Raises:
-        ScenarioError: When a camera is not on the hand's body.
+        ScenarioError: When a camera is not on the hand's body, or its principal point is outside
+            its image.
 
     Example:
         >>> [mount.frame_name for mount in MakeMounts(Scenario())]
@@ -80,18 +81,15 @@ def MakeMounts(scenario: Scenario) -> tuple[Mount, ...]:
         X_CK = places[0].InvertAndCompose(X_EK)
         center_x = 0.5 * config.width if config.center_x is None else config.center_x
         center_y = 0.5 * config.height if config.center_y is None else config.center_y
-        camera = Camera(
-            name=config.name,
-            width=config.width,
-            height=config.height,
-            fx=fx,
-            fy=fy,
-            cx=center_x - _HALF_PIXEL,
-            cy=center_y - _HALF_PIXEL,
-            distortion=config.distortion.Make(),
-            R_CK=X_CK.rotation().matrix(),
-            p_CK=X_CK.translation(),
-        )
+        try:
+            info = CameraInfo(config.width, config.height, fx, fy, center_x, center_y)
+        except RuntimeError as error:
+            raise ScenarioError(
+                f"camera '{config.name}': center_x and center_y must be inside the image of "
+                f"{config.width} x {config.height} px, not {center_x:g} and {center_y:g}"
+            ) from error
+        pinhole = CameraFromInfo(info, name=config.name, X_CK=X_CK)
+        camera = dc.replace(pinhole, distortion=config.distortion.Make())
         mounts.append(Mount(camera=camera, X_EK=X_EK, latency=config.latency))
     return tuple(mounts)
 

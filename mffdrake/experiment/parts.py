@@ -18,7 +18,7 @@ from mffdrake.experiment.cameras import AddFrames, CalcKnownX_EC, MakeMounts, Ma
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.experiment.target import AddTarget, FindTargetMesh, LoadSolid
 from mffdrake.recognition import CameraRig, SolidModel
-from mffdrake.systems.arm_joints import MovingJoints
+from mffdrake.systems.arm_joints import JointNames, MovingJoints
 from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
 from mffdrake.systems.camera_frames import AddCameraFrame
 from mffdrake.systems.disturbances import AddDisturbances
@@ -192,12 +192,12 @@ def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
         "kp": made.kp if config.kp is None else config.kp,
         "kd": made.kd if config.kd is None else config.kd,
     }
-    joints = [joint.name() for joint in MovingJoints(arm, instance)]
+    joints = MovingJoints(arm, instance)
     for name, values in gains.items():
         if len(values) != len(joints):
             raise ScenarioError(
                 f"controller.{name} must be a list of {len(joints)} numbers, one for each of "
-                f"{', '.join(joints)}, not {list(values)}"
+                f"{JointNames(joints)}, not {list(values)}"
             )
     return PdController(
         kp=gains["kp"],
@@ -267,15 +267,19 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
             geometry_pose = poser.get_output_port()
         builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
         AddClutter(builder, render_scene, scenario, station.solid, latency=latency)
-        sensors = AddStereoCamera(
-            builder,
-            plant=plant,
-            scene_graph=render_scene,
-            rig=CameraRig(cameras),
-            renderer=_AddRenderer(render_scene, scenario),
-            model_instance=station.arm,
-            name=f"stereo_camera{suffix}",
-        )
+        renderer = _AddRenderer(render_scene, scenario)
+        try:
+            sensors = AddStereoCamera(
+                builder,
+                plant=plant,
+                scene_graph=render_scene,
+                rig=CameraRig(cameras),
+                renderer=renderer,
+                model_instance=station.arm,
+                name=f"stereo_camera{suffix}",
+            )
+        except ValueError as error:  # Drake cannot draw such a camera.
+            raise ScenarioError(str(error)) from error
         for camera in cameras:
             images[camera.name] = sensors.GetOutputPort(f"color_image_{camera.name}")
         exposed.append(state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -158,9 +159,15 @@ def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
     Returns:
         The pose vector, shape (6,).
     """
-    X_WC = scenario.hand_path.Make().CalcHandPose(time) @ MakeMounts(scenario)[0].X_EK
-    X_CM = X_WC.InvertAndCompose(scenario.target.X_WM.GetDeterministicValue())
-    return pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
+    return _CalcDesiredPoses(scenario, [time])[0]
+
+
+def _CalcDesiredPoses(scenario: Scenario, times: Iterable[float]) -> NDArray[np.float64]:
+    """The pose vectors of `CalcDesiredPose` at many times [s], shape (K, 6)."""
+    path, X_EC = scenario.hand_path.Make(), MakeMounts(scenario)[0].X_EK
+    X_WM = scenario.target.X_WM.GetDeterministicValue()
+    X_CM = [(path.CalcHandPose(time) @ X_EC).InvertAndCompose(X_WM) for time in times]
+    return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in X_CM])
 
 
 def WarnOutside(scenario: Scenario, solid: SolidModel, rig: CameraRig) -> None:
@@ -173,7 +180,7 @@ def WarnOutside(scenario: Scenario, solid: SolidModel, rig: CameraRig) -> None:
     """
     search_range = scenario.recognizer.search_range
     times = np.linspace(0.0, scenario.duration, 201)
-    poses = np.array([CalcDesiredPose(scenario, t) for t in times])
+    poses = _CalcDesiredPoses(scenario, times)
     for k, name in enumerate(POSE_COORDINATES):
         least, greatest = search_range.lower[k], search_range.upper[k]
         low, high = poses[:, k].min(), poses[:, k].max()

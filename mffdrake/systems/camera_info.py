@@ -11,7 +11,8 @@ from __future__ import annotations
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 
-from mffdrake.recognition import Camera, Distortion
+from mffdrake.recognition import Camera
+from mffdrake.systems.lens import NeedsLens
 
 __all__ = ["CameraFromInfo", "MakeCameraInfo"]
 
@@ -73,7 +74,7 @@ def MakeCameraInfo(camera: Camera, *, ignore_distortion: bool = False) -> Camera
         >>> info.center_x(), info.center_y()
         (320.0, 240.0)
     """
-    if _Bends(camera.distortion) and not ignore_distortion:
+    if NeedsLens(camera) and not ignore_distortion:
         raise ValueError(
             f"camera '{camera.name}': Drake's renderers draw no distortion, and it has the "
             f"{camera.distortion.model} coefficients {list(camera.distortion.coefficients)}; give "
@@ -96,8 +97,3 @@ def MakeCameraInfo(camera: Camera, *, ignore_distortion: bool = False) -> Camera
         camera.cx + _HALF_PIXEL,
         camera.cy + _HALF_PIXEL,
     )
-
-
-def _Bends(distortion: Distortion) -> bool:
-    """Whether it differs from a pinhole; a fisheye does with all coefficients at zero."""
-    return distortion.model == "equidistant" or any(distortion.coefficients)

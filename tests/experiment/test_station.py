@@ -102,6 +102,19 @@ def test_a_camera_elsewhere_than_on_the_hand_is_told():
         MakeHandEyeDiagram(scenario)
 
 
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("center_x: 1000", "camera 'a': center_x and center_y must be inside the image of 640 x"),
+        ("distortion: equidistant, focal: !FocalLength {x: 100}", "camera 'a': .* 80 deg from"),
+    ],
+)
+def test_a_camera_that_drake_cannot_draw_is_told(keys, message):
+    scenario = LoadScenario(text=f"{{renderer: flat, cameras: [{{name: a, {keys}}}]}}")
+    with pytest.raises(ScenarioError, match=message):
+        MakeHandEyeDiagram(scenario)
+
+
 # Disturbances: what is off adds no system, and what is on reaches the recognizer.
 
 
