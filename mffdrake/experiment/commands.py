@@ -36,7 +36,7 @@ from mffdrake.experiment.plotting import (
     PlotToFile,
     SaveFigure,
 )
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.progress import Advance, ProgressBar
 from mffdrake.experiment.recordings.arguments import ArgumentsError
 from mffdrake.experiment.recordings.color_file import ColorFileError
 from mffdrake.experiment.recordings.image_files import ImageSourceError
@@ -196,7 +196,7 @@ def _SimulateOne(
 ) -> _OneSimulation:
     """One simulation with a progress bar, drawn and recorded where that is wanted.
 
-    An interrupt ends it after the frame that is being simulated; a second one at once.
+    An interrupt ends it after the next frame; a second one at once.
     """
     meshcat = Meshcat() if replay else None
     diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)
@@ -208,17 +208,20 @@ def _SimulateOne(
     ports = [diagram.GetOutputPort(f"stereo_camera.color_image_{name}") for name in names]
     images: list[NDArray[np.uint8]] = []
 
-    def KeepImages(context: Context) -> None:
-        # Late and lost images cannot be drawn again afterwards.
-        images[:] = [port.Eval(context).data.copy() for port in ports]
+    last_frame = scenario.timing.NumFrames(scenario.duration) - 1
 
     with _TimeBar(scenario.duration) as show, _Interrupt() as interrupted:
 
+        def KeepLastImages(context: Context) -> None:
+            # Late and lost images cannot be drawn again afterwards.
+            if interrupted or scenario.timing.FrameAt(context.get_time()) == last_frame:
+                images.extend(port.Eval(context).data.copy() for port in ports)
+
         def OnFrame(simulated: float, wall: float) -> bool:
             show(simulated, wall)
-            return bool(interrupted)
+            return bool(images)
 
-        result = Simulate(scenario, diagram=diagram, on_frame=OnFrame, on_exposure=KeepImages)
+        result = Simulate(scenario, diagram=diagram, on_frame=OnFrame, on_exposure=KeepLastImages)
     if meshcat is not None and replay is not None:
         SaveReplay(meshcat, replay)
     return _OneSimulation(diagram, result, images, bool(interrupted))
@@ -328,10 +331,8 @@ def _RunBar(count: int) -> Iterator[Callable[[SimulationResult, bool], None]]:
     with ProgressBar(total=count, desc="simulations", unit="run") as bar:
 
         def OnResult(result: SimulationResult, kept: bool) -> None:
-            if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
-                bar.initial += 1
             speed = (result.time[-1] if len(result.time) else 0.0) / result.wall_s
             bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
-            bar.update(1)
+            Advance(bar, kept=kept)
 
         yield OnResult

@@ -7,7 +7,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-__all__ = ["ProgressBar"]
+__all__ = ["Advance", "ProgressBar"]
 
 _INTERVAL = 15.0  # s from line to line
 _LINE = "mffdrake: {desc}: {percentage:.0f} % after {elapsed}{postfix}"
@@ -54,3 +54,16 @@ def ProgressBar(*, interval: float = _INTERVAL, **options: Any) -> tqdm[Any]:
         miniters=0,
         **plain,
     )
+
+
+def Advance(bar: tqdm[Any], amount: float = 1, *, kept: bool) -> None:
+    """Counts work that has ended.
+
+    Args:
+        bar: The bar.
+        amount: How much, in the unit of the bar's total.
+        kept: Whether it was there before: then it tells nothing of the speed.
+    """
+    if kept:
+        bar.initial += amount
+    bar.update(amount)

@@ -14,7 +14,7 @@ from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.options import GivenOptions
 from mffdrake.experiment.pictures import SaveDiagram
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.progress import Advance, ProgressBar
 from mffdrake.experiment.report import WriteReport
 from mffdrake.experiment.report_tables import SummaryLines
 from mffdrake.experiment.reproduction import RunPlan, Summarize
@@ -98,9 +98,7 @@ def _WorkBar(runs: Sequence[PlannedRun]) -> Iterator[Callable[[PlannedRun, Recor
         def OnRun(run: PlannedRun, record: Record, kept: bool) -> None:
             nonlocal ended
             ended += 1
-            if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
-                bar.initial += run.work
             bar.unit = f"{ended}/{len(runs)} runs"
-            bar.update(run.work)
+            Advance(bar, run.work, kept=kept)
 
         yield OnRun

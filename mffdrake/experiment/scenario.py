@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -192,8 +192,7 @@ def LoadRecognizer(text: str) -> TrackerParameters:
         >>> LoadRecognizer("{bits: 14, search_range: {z: [-0.1, 0.2]}}").bits
         14
     """
-    data = merge(TrackerParameters(), ReadYaml(text))
-    return _Checked(lambda: read_parameters(TrackerParameters, data, "recognizer"))
+    return _Read(TrackerParameters, merge(TrackerParameters(), ReadYaml(text)), "recognizer")
 
 
 def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
@@ -224,12 +223,12 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         for section in sections:
             inner = inner.setdefault(section, {})
         inner[name] = value
-    data = merge(scenario, nested)
-    return _Checked(lambda: read_parameters(Scenario, data))
+    return _Read(Scenario, merge(scenario, nested))
 
 
-def _Checked(read: Callable[[], _T]) -> _T:
+def _Read(cls: type[_T], data: Any, where: str = "") -> _T:
+    """`read_parameters` for what stands in a scenario."""
     try:
-        return read()
+        return read_parameters(cls, data, where)
     except ParameterError as error:
         raise ScenarioError(str(error)) from error

@@ -13,7 +13,7 @@ import pydantic
 
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.yaml_text import DumpYaml
-from mffdrake.recognition.parameters import OneOf, choices, describe, kind_of, plain, tag_of
+from mffdrake.recognition.parameters import choices, describe, is_choice, kind_of, plain, tag_of
 
 __all__ = ["DescribeDefaults", "MakeSchema"]
 
@@ -69,12 +69,12 @@ def _Describe(value: Any, indent: str) -> Iterator[str]:
             yield ""
         yield from _Comment(texts.get(key, ""), indent)
         kinds = choices(hints[key])
-        if dc.is_dataclass(inner) and not _IsChoice(hints[key]) and len(kinds) == 1:
+        if dc.is_dataclass(inner) and not is_choice(hints[key]) and len(kinds) == 1:
             yield f"{indent}{key}:"
             yield from _Describe(inner, f"{indent}  ")
             continue
         for kind in kinds:
-            tag = f"{tag_of(kind)} " if _IsChoice(hints[key]) else ""
+            tag = f"{tag_of(kind)} " if is_choice(hints[key]) else ""
             name = f"{tag}{_Form(kind)}" if dc.fields(kind) else kind_of(kind)
             yield from _Comment(f"{name}: {_FirstParagraph(kind)}", indent, "  ")
         yield f"{indent}{key}: {_Flow(data)}"
@@ -87,7 +87,7 @@ def _Form(kind: Any) -> str:
         default = field.default if field.default_factory is dc.MISSING else field.default_factory()
         value = "..."
         if default is not dc.MISSING:
-            value = _Flow(plain(default, tagged=_IsChoice(hints[field.name])))
+            value = _Flow(plain(default, tagged=is_choice(hints[field.name])))
         parameters.append(f"{field.name}: {value}")
     return f"{{{', '.join(parameters)}}}"
 
@@ -95,12 +95,6 @@ def _Form(kind: Any) -> str:
 def _Flow(value: Any) -> str:
     """A value in one line, as YAML has it."""
     return " ".join(DumpYaml([value], flow=True).split())[1:-1]
-
-
-def _IsChoice(annotation: Any) -> bool:
-    return any(isinstance(item, OneOf) for item in getattr(annotation, "__metadata__", ())) or any(
-        _IsChoice(item) for item in typing.get_args(annotation)
-    )
 
 
 def _Comment(text: str, indent: str, bullet: str = "") -> list[str]:

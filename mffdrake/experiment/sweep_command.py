@@ -14,7 +14,7 @@ from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.grid import Grid, LoadGrid
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.options import GivenOptions
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.progress import Advance, ProgressBar
 from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.experiment.store import Record
 from mffdrake.experiment.sweep import Sweep
@@ -90,11 +90,9 @@ def _RunBar(count: int) -> Iterator[Callable[[Record, bool], None]]:
 
         def OnRun(record: Record, kept: bool) -> None:
             nonlocal failed
-            if kept and not bar.disable:  # It was there before, and tells nothing of the speed.
-                bar.initial += 1
             failed += record.status == "failed"
             if failed:
                 bar.set_postfix_str(f"{failed} failed", refresh=False)
-            bar.update(1)
+            Advance(bar, kept=kept)
 
         yield OnRun

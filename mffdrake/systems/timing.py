@@ -104,7 +104,9 @@ class Timing:
     def IsVisionTick(self, time: float, *, delay_ticks: int = 0) -> bool:
         """Whether the tick at a time [s] is a frame's, or ``delay_ticks`` before a frame's."""
         tick = self.Tick(time) + delay_ticks
-        return self.TickOfFrame(self.FrameAtTick(tick)) == tick
+        ticks, frames = self._ticks_and_frames
+        # Whether the quotient in `FrameAtTick` has just passed a whole number.
+        return ((2 * tick + 1) * frames - 1) % (2 * ticks) < 2 * frames
 
     def CheckLatency(self, latency: float) -> None:
         """Checks that a latency [s] is a whole number of control ticks.

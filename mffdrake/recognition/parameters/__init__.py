@@ -24,7 +24,7 @@ from mffdrake.recognition.parameters.checked import (
     read_parameters,
 )
 from mffdrake.recognition.parameters.messages import did_you_mean, unknown_key
-from mffdrake.recognition.parameters.one_of import OneOf, choices, kind_of, tag_of
+from mffdrake.recognition.parameters.one_of import OneOf, choices, is_choice, kind_of, tag_of
 from mffdrake.recognition.parameters.plain_data import describe, merge, plain
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "choices",
     "describe",
     "did_you_mean",
+    "is_choice",
     "kind_of",
     "merge",
     "parameters",

@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from mffdrake.recognition.parameters.messages import TAG, did_you_mean
 
-__all__ = ["OneOf", "choices", "kind_of", "required_parameters", "tag_of"]
+__all__ = ["OneOf", "choices", "is_choice", "kind_of", "required_parameters", "tag_of"]
 
 
 def kind_of(cls: type) -> str:
@@ -132,3 +132,18 @@ def choices(annotation: Any) -> tuple[type, ...]:
     ):  # fmt: skip
         return tuple(kind for item in typing.get_args(annotation) for kind in choices(item))
     return ()
+
+
+def is_choice(annotation: Any) -> bool:
+    """Whether a parameter's value, or each of its values, is of one of several tagged classes.
+
+    Args:
+        annotation: The parameter's type.
+
+    Example:
+        >>> from mffdrake.recognition import NoRefinement, RefinementParameters
+        >>> is_choice(Annotated[NoRefinement | RefinementParameters, OneOf()]), is_choice(int)
+        (True, False)
+    """
+    inside = (*typing.get_args(annotation), *getattr(annotation, "__metadata__", ()))
+    return any(isinstance(item, OneOf) or is_choice(item) for item in inside)

@@ -10,7 +10,13 @@ import typing
 from collections.abc import Mapping
 from typing import Any
 
-from mffdrake.recognition.parameters.one_of import OneOf, kind_of, required_parameters, tag_of
+from mffdrake.recognition.parameters.one_of import (
+    OneOf,
+    is_choice,
+    kind_of,
+    required_parameters,
+    tag_of,
+)
 
 __all__ = ["describe", "merge", "plain"]
 
@@ -19,14 +25,7 @@ __all__ = ["describe", "merge", "plain"]
 def _fields(cls: Any) -> tuple[tuple[str, bool], ...]:
     """Names of a class's parameters, and whether each is of one of several tagged classes."""
     hints = typing.get_type_hints(cls, include_extras=True)
-    return tuple((f.name, _is_tagged(hints[f.name])) for f in dc.fields(cls) if f.init)
-
-
-def _is_tagged(annotation: Any) -> bool:
-    return any(
-        isinstance(item, OneOf) or _is_tagged(item)
-        for item in (*typing.get_args(annotation), *getattr(annotation, "__metadata__", ()))
-    )
+    return tuple((f.name, is_choice(hints[f.name])) for f in dc.fields(cls) if f.init)
 
 
 def plain(value: Any, *, tagged: bool = False) -> Any:

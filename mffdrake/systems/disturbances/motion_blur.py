@@ -50,8 +50,7 @@ class MotionBlur(FrameDisturbance):
 
     def Takes(self, tick: int, timing: Timing) -> bool:
         """Whether a frame is due within the exposure, see `FrameDisturbance.Takes`."""
-        following = range(tick, tick + self._NumTicks(timing) + 1)
-        return any(timing.IsVisionTick(timing.TimeOfTick(t)) for t in following)
+        return timing.FrameAtTick(tick + self._NumTicks(timing)) > timing.FrameAtTick(tick - 1)
 
     def Shown(self, ticks: Sequence[int], stream: RandomStream, timing: Timing) -> Sequence[int]:
         """The images since the shutter opened, see `FrameDisturbance.Shown`."""
