@@ -79,13 +79,12 @@ def Sweep(
     with WholeFile(folder / "grid.yaml") as part:
         part.write_text(grid.Dump(), encoding="utf-8")
     kept = store.Get(keys)
-    records = [kept.get(key) for key in keys]
     missing = []
-    for index, record in enumerate(records):
-        if record is None or record.status == "failed":
+    for index, key in enumerate(keys):
+        if key not in kept or kept[key].status == "failed":
             missing.append(index)
         else:
-            tell(record, True)
+            tell(kept[key], True)
     try:
         if missing:
             with executor:
@@ -96,10 +95,10 @@ def Sweep(
                         row=outcome.value, error=outcome.error, attempts=outcome.attempts
                     )
                     store.Put(keys[index], grid.runs[index].scenario.Dump(), code, record)
-                    records[index] = record
                     tell(record, False)
-    finally:
-        table = MakeTable(grid, records)
+    finally:  # The table says what the store has, wherever an interruption came.
+        kept = store.Get(keys)
+        table = MakeTable(grid, [kept.get(key) for key in keys])
         WriteTable(table, folder, file_format)
     return table
 

@@ -30,6 +30,7 @@ from mffdrake.experiment.recordings.image_files import OpenImages
 from mffdrake.experiment.recordings.overlay import MakeOverlay
 from mffdrake.experiment.recordings.rig_file import LoadRig
 from mffdrake.experiment.recordings.tracking import (
+    MotionWarning,
     Recording,
     TrackedFrame,
     TrackRecording,
@@ -98,6 +99,9 @@ def RunTrack(options: argparse.Namespace) -> int:
         if tracked:
             _Write(tracked, algorithm, tracker, options, folder)
     _Tell(tracked, folder)
+    warning = MotionWarning(tracked, algorithm.sure_fitness)
+    if warning is not None:
+        _log.warning("%s", warning)
     return 0
 
 

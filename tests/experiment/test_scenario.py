@@ -382,6 +382,87 @@ def test_the_other_scenario_of_these_tests_has_another_value_for_every_key():
     assert set(same) <= {("renderer",)}, same
 
 
+EARLIER = """
+camera:
+  baseline: 0.15
+  fov_y_deg: 45.0
+  height: 480
+  latency: 0.0
+  p_EC: [0.0, -0.155, 0.0]
+  width: 640
+controller: {gains: lightly_damped, gravity_compensation: true, kd: null, kp: null}
+duration: 40.0
+encoders: {noise_deg: 0.0}
+hand_path:
+  X_WE0:
+    rotation: !AngleAxis
+      angle_deg: 77.7
+      axis: [1.0, 2.0, 3.0]
+    translation: [0.918, 0.0, 0.455]
+  amplitude_deg: 15.0
+  distance: 0.8
+  omega: 0.105
+method: mff
+predictor:
+  gain: 1.0
+  hand_eye_error_deg: [0.0, 0.0, 0.0]
+  latency: null
+  mode: rigid
+recognizer:
+  average_best: true
+  bits: 12
+  coding: binary
+  first_candidates: 30
+  generations_per_frame: 1
+  local_moves: {decades: 2.0, depth: 0.2, rotation_deg: 34.0, shift: 0.04, sparsity: 0.5}
+  local_share: 0.6
+  matching: {hue_tolerance_deg: 20.0, min_border_distance: 0.8, min_chroma: 0.0, min_cosine: 0.0,
+    min_saturation: 0.62, min_value: 0.2}
+  mutation_probability: 0.02
+  newcomer_share: 0.15
+  population_size: 60
+  refinement: borders
+  sampling:
+    margin: 0.0015
+    min_cells: 5
+    spacing: 0.02
+    strip_offsets: [0.0015, 0.006, 0.02]
+  search_range:
+    eps1: [-0.5, 0.5]
+    eps2: [-0.5, 0.5]
+    eps3: [-0.5, 0.5]
+    x: [-0.15, 0.15]
+    y: [0.0, 0.3]
+    z: [0.65, 0.95]
+  start: random
+  start_spread: [0.01, 0.02]
+  survivor_share: 0.25
+  white_balance_rate: 0.0
+renderer: vtk
+seed: 0
+target:
+  X_WM:
+    rotation: {}
+    translation: [1.718, 0.0, 0.455]
+  model: package://mffdrake/target_box.sdf
+timing: {control_period: 0.001, vision_period: 0.033}
+"""
+"""As earlier versions dumped it: keys in alphabetical order, no rotation as Drake wrote it."""
+
+
+def test_a_scenario_that_an_earlier_version_dumped_has_the_same_values():
+    assert LoadScenario(text=EARLIER) == Change(
+        Scenario(),
+        {
+            "hand_path.X_WE0.rotation": {
+                "_tag": "!AngleAxis", "angle_deg": 77.7, "axis": [1, 2, 3],
+            },
+            "target.X_WM.rotation": "identity",
+            "recognizer.refinement": "borders",
+        },
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("text", ["", OTHER], ids=["default", "other"])
 def test_a_dumped_scenario_is_read_back_to_the_last_bit(text):
     scenario = LoadScenario(text=text)

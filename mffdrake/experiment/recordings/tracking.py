@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses as dc
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,24 @@ from mffdrake.experiment.recordings.image_files import ImageSource
 from mffdrake.experiment.recordings.trajectory import Trajectory
 from mffdrake.recognition import CameraRig, Estimate, Found, PoseTracker
 from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.pose_motion import transport_pose
 
-__all__ = ["Recording", "RecordingError", "RecordingFrame", "TrackRecording", "TrackedFrame"]
+__all__ = [
+    "MotionWarning",
+    "Recording",
+    "RecordingError",
+    "RecordingFrame",
+    "TrackRecording",
+    "TrackedFrame",
+]
 
 Image = NDArray[np.uint8]
+
+# A prediction is judged where it moves the pose by more than what the recognition may be off.
+_LEAST_MOTION = 1e-3  # m
+_TIMES_NOISE = 3.0
+_LEAST_FRAMES = 5
+_CLEARLY_WORSE = 2.0
 
 
 class RecordingError(ValueError):
@@ -196,6 +210,54 @@ def TrackRecording(
         ms = 1e3 * (time.perf_counter() - begin)
         first, last = False, recorded.pose_WC
         yield TrackedFrame(recorded, estimate, ms, found)
+
+
+def MotionWarning(tracked: Sequence[TrackedFrame], sure_fitness: float) -> str | None:
+    """Whether motion feedforward has predicted worse than no motion at all would have.
+
+    So it does where the target moves with the cameras, or the motion is another one's.
+
+    Args:
+        tracked: The frames, in order.
+        sure_fitness: From there on an unrefined pose counts (0 to 1).
+
+    Returns:
+        What to tell the person who gave the motion; None where all is well, or where it does not
+        show: too few sure frames with enough motion.
+
+    Example:
+        >>> MotionWarning([], 0.6) is None
+        True
+    """
+    errors = []  # With and without motion [m].
+    for last, present in pairwise(tracked):
+        X_DC = _Displacement(last.recorded.pose_WC, present.recorded.pose_WC)
+        if X_DC is None or not (_IsSure(last, sure_fitness) and _IsSure(present, sure_fitness)):
+            continue
+        predicted = transport_pose(last.estimate.pose, X_DC[:, :3], X_DC[:, 3])[:3]
+        p_CM, p_DM = last.estimate.p_CM, present.estimate.p_CM
+        distance = np.linalg.norm(predicted - p_CM)
+        if distance < _LEAST_MOTION:
+            continue
+        # Along the motion alone: depth, which is often the least sure, would drown the rest.
+        along = (predicted - p_CM) / distance
+        variance = along @ present.estimate.covariance[:3, :3] @ along
+        if not present.estimate.refined or distance > _TIMES_NOISE * np.sqrt(variance):
+            errors.append([abs(along @ (predicted - p_DM)), abs(along @ (p_CM - p_DM))])
+    if len(errors) < _LEAST_FRAMES:
+        return None
+    with_motion, without = 1e3 * np.median(errors, axis=0)
+    if with_motion <= _CLEARLY_WORSE * without:
+        return None
+    return (
+        f"motion feedforward made the prediction worse than none (median {with_motion:.1f} mm "
+        f"against {without:.1f} mm, along the motion): the target seems to move with the cameras; "
+        "leave --motion out, or give the motion relative to the target"
+    )
+
+
+def _IsSure(frame: TrackedFrame, sure_fitness: float) -> bool:
+    return frame.estimate.refined or frame.estimate.fitness > sure_fitness
 
 
 def _Displacement(
