@@ -18,11 +18,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 import mffdrake as mff
 
@@ -217,112 +212,58 @@ def _fit_line(pixels: Array, inside: Array) -> Array:
     return np.append(n, -n @ (u, v) - 0.5 * abs(n).max())
 
 
-def MakeDiagram(
-    path: mff.HandPath, gains: mff.PdGains, *, duration: float, feedforward: bool
-) -> Diagram:
-    """The hand-eye system with the `PnpTracker` in the recognizer's place, with or without MFF.
-
-    The box stands 0.8 m in front of the hand's first pose.
-    """
-    builder = DiagramBuilder()
-    config = MultibodyPlantConfig(time_step=0.001, use_sampled_output_ports=False)
-    plant, scene_graph = AddMultibodyPlant(config, builder)
-    mff.AddPa10(plant)
-    mff.AddCameraFrames(plant)
-    parser = Parser(plant)
-    mff.ConfigureParser(parser)
-    parser.AddModelsFromUrl("package://mffdrake/target_box.sdf")
-    X_WM = path.X_WE0 @ RigidTransform([0.0, 0.0, 0.8])
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("target_box"), X_WM)
-    plant.Finalize()
-
-    arm = mff.MakePa10Plant()  # the controller's and the predictor's model of the arm
-    joints = mff.SolveHandPath(arm, path, duration=duration)
-    plant.SetDefaultPositions(joints.value(0.0).ravel())
-    source = mff.AddHandPathSource(builder, joints)
-    controller = builder.AddSystem(mff.PdController(kp=gains.kp, kd=gains.kd))
-    state = plant.get_state_output_port()
-    builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    builder.Connect(state, controller.GetInputPort("estimated_state"))
-    builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
-    torque = controller.GetInputPort("feedforward_torque")
-    mff.AddGravityCompensation(
-        builder, arm_plant=arm, estimated_state=state, feedforward_torque=torque
-    )
-
-    rig = mff.CameraRig(mff.CameraRig.stereo().cameras[:1])  # the right camera alone
-    renderer = mff.AddRenderer(scene_graph, "flat")
-    camera = mff.AddStereoCamera(
-        builder, plant=plant, scene_graph=scene_graph, rig=rig, renderer=renderer
-    )
-    tracker = PnpTracker(
-        rig=rig,
-        solid=mff.SolidModel.from_mesh_file(mff.FindModelsPath() / "target_box.obj"),
-        initial_pose=CalcTruePose(plant, plant.CreateDefaultContext()),
-    )
-    recognizer = builder.AddNamedSystem("recognizer", mff.PoseRecognizer(tracker=tracker))
-    image = "color_image_right"
-    builder.Connect(camera.GetOutputPort(image), recognizer.GetInputPort(image))
-    if feedforward:
-        predictor = builder.AddSystem(mff.MffPredictor(plant=arm, num_hypotheses=1))
-        mff.ConnectFeedforward(
-            builder, recognizer=recognizer, predictor=predictor, estimated_state=state
-        )
-    return builder.Build()
+def MakeTracker(
+    *, solid: mff.SolidModel, rig: mff.CameraRig, start_pose: Array, seed: int
+) -> PnpTracker:
+    """What `mffdrake.MakeHandEyeDiagram` takes; no random numbers, so no seed."""
+    return PnpTracker(rig=rig, solid=solid, initial_pose=start_pose)
 
 
-def CalcTruePose(plant: MultibodyPlant, context: Context) -> Array:
-    """The box's true pose vector in the right camera, shape (6,)."""
-    C, M = plant.GetFrameByName("camera_right"), plant.GetFrameByName("target_box")
-    X_CM = plant.CalcRelativeTransform(context, C, M)
-    return mff.pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
-
-
-def Track(diagram: Diagram, duration: float) -> tuple[Array, Array, Image]:
-    """Simulates a diagram until a time [s].
+def Track(scenario: mff.Scenario) -> tuple[mff.SimulationResult, Image]:
+    """Simulates a scenario with the `PnpTracker` in the recognizer's place.
 
     Returns:
-        True and recognized pose vector of every frame, shape (K, 2, 6); the latter's fitness, shape
-        (K,); and the last frame's image with the recognized outline.
+        What happened, and the last frame's image with the recognized outline.
     """
-    recognizer = diagram.GetSubsystemByName("recognizer")
-    plant = diagram.GetSubsystemByName("plant")
-    simulator = Simulator(diagram)
-    context = recognizer.GetMyContextFromRoot(simulator.get_context())
-    plant_context = plant.GetMyContextFromRoot(simulator.get_context())
-    image_port = recognizer.GetInputPort("color_image_right")
-    poses, fitness = [], []
-    for frame in range(recognizer.timing.NumFrames(duration)):
-        # A frame is taken as the simulation leaves its time: until then the state is what it shows.
-        simulator.AdvanceTo(recognizer.timing.TimeOfFrame(frame))
-        true_pose = CalcTruePose(plant, plant_context)
-        image = image_port.Eval(context).data.copy()
-        simulator.AdvanceTo(simulator.get_context().get_time() + recognizer.timing.control_period)
-        poses.append([true_pose, recognizer.GetOutputPort("pose").Eval(context)])
-        fitness.append(recognizer.GetOutputPort("fitness").Eval(context)[0])
-    tracker = recognizer.tracker
-    view = mff.DrawOutline(image, poses[-1][1], tracker.solid, tracker.rig.cameras[0])
-    return np.array(poses), np.array(fitness), view
+    diagram = mff.MakeHandEyeDiagram(scenario, make_tracker=MakeTracker)
+    result = mff.Simulate(scenario, diagram=diagram)
+    return result, mff.DrawCameraView(diagram, scenario, result)
+
+
+ONE_CAMERA = """
+renderer: flat
+cameras: [{name: right, X_PB: {translation: [0, -0.155, 0]}}]
+"""
+SHAKING_HAND = """
+controller: {gains: well_damped}
+hand_path:
+  amplitude_deg: 7.5
+  distance: 0.573
+  omega: 7.54
+  X_WE0: {translation: [0.9, 0, 0.455], rotation: !Rpy {deg: [-90, 45, -90]}}
+target:
+  X_WM: {translation: [1.7, 0, 0.455], rotation: !Rpy {deg: [-90, 45, -90]}}
+"""
+MOTIONS = {
+    "paper's path, 0.314 rad/s": "hand_path: {omega: 0.314}",
+    "shaking hand, 7.54 rad/s": SHAKING_HAND,
+}
 
 
 def main(duration: float = 10.0) -> None:
     """Prints the table and writes the picture."""
-    askew = RigidTransform(RollPitchYaw(np.radians([-90.0, 45.0, -90.0])), [0.9, 0.0, 0.455])
-    shaking = mff.HandPath(amplitude=math.radians(7.5), distance=0.573, omega=7.54, X_WE0=askew)
-    motions = {
-        "paper's path, 0.314 rad/s": (mff.HandPath(omega=0.314), mff.PdGains.LightlyDamped()),
-        "shaking hand, 7.54 rad/s": (shaking, mff.PdGains.WellDamped()),
-    }
     rows = [("motion", "MFF", "rms [mm]", "worst [mm]", "nothing found")]
-    for name, (path, gains) in motions.items():
-        for feedforward in (True, False):
-            diagram = MakeDiagram(path, gains, duration=duration, feedforward=feedforward)
-            poses, fitness, view = Track(diagram, duration)
-            if feedforward:
+    for name, motion in MOTIONS.items():
+        for method in ("mff", "ga"):
+            scenario = mff.Change(
+                mff.LoadScenario(text=ONE_CAMERA + motion), {"method": method, "duration": duration}
+            )
+            result, view = Track(scenario)
+            if method == "mff":
                 mff.SaveImage(view, Path("pnp_tracker.png"))
-            error = 1e3 * np.linalg.norm(poses[:, 1, :3] - poses[:, 0, :3], axis=1)
-            rms, lost = np.sqrt(np.mean(error**2)), np.mean(fitness == 0.0)
-            answer = "yes" if feedforward else "no"
+            error = 1e3 * np.linalg.norm((result.recognized_pose - result.true_pose)[:, :3], axis=1)
+            rms, lost = np.sqrt(np.mean(error**2)), np.mean(result.fitness == 0.0)
+            answer = "yes" if method == "mff" else "no"
             rows.append((name, answer, f"{rms:.2f}", f"{error.max():.1f}", f"{lost:.1%}"))
     table = (f"{a:26} {b:4} {c:>9} {d:>11} {e:>14}" for a, b, c, d, e in rows)
     print("\n".join(table))

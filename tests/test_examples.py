@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RollPitchYaw
 
 import mffdrake as mff
 
@@ -37,30 +36,29 @@ def tracker(example):
     return example.PnpTracker(rig=RIG, solid=box, initial_pose=POSE)
 
 
-def track(example, path, *, feedforward, duration=1.5):
+def track(example, motion, *, method):
     """Errors of the position [m] of every frame, and the fitness."""
-    gains = mff.PdGains.WellDamped()
-    diagram = example.MakeDiagram(path, gains, duration=duration, feedforward=feedforward)
-    poses, fitness, view = example.Track(diagram, duration)
+    scenario = mff.LoadScenario(text=example.ONE_CAMERA + motion)
+    scenario = mff.Change(scenario, {"method": method, "duration": 1.5})
+    result, view = example.Track(scenario)
     assert view.shape == (480, 640, 3)
-    return np.linalg.norm(poses[:, 1, :3] - poses[:, 0, :3], axis=1), fitness
+    error = np.linalg.norm((result.recognized_pose - result.true_pose)[:, :3], axis=1)
+    return error, result.fitness
 
 
 # Face corners and solvePnP
 
 
-@pytest.mark.parametrize("feedforward", [True, False])
-def test_corners_track_the_box_along_the_papers_path(example, feedforward):
-    error, fitness = track(example, mff.HandPath(omega=0.314), feedforward=feedforward)
+@pytest.mark.parametrize("method", ["mff", "ga"])
+def test_corners_track_the_box_along_the_papers_path(example, method):
+    error, fitness = track(example, "hand_path: {omega: 0.314}", method=method)
     assert np.sqrt(np.mean(error**2)) < 0.005
     assert fitness.min() > 0.5
 
 
 def test_where_the_hand_shakes_corners_need_the_feedforward(example):
-    askew = RigidTransform(RollPitchYaw(np.radians([-90.0, 45.0, -90.0])), [0.9, 0.0, 0.455])
-    path = mff.HandPath(amplitude=np.radians(7.5), distance=0.573, omega=7.54, X_WE0=askew)
-    with_it, _ = track(example, path, feedforward=True)
-    without, _ = track(example, path, feedforward=False)
+    with_it, _ = track(example, example.SHAKING_HAND, method="mff")
+    without, _ = track(example, example.SHAKING_HAND, method="ga")
     assert with_it.max() < 0.010
     assert without.max() > 2.0 * with_it.max()
 
