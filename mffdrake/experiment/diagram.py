@@ -141,17 +141,12 @@ def MakeHandEyeDiagram(
         seed=scenario.seed,
         start_pose=CalcDesiredPose(scenario, 0.0),
     )
-    system: Any = OneStepGaRecognizer if isinstance(tracker, OneStepGaTracker) else PoseRecognizer
-    recognizer = builder.AddNamedSystem(
-        "recognizer", system(tracker=tracker, timing=scenario.timing)
-    )
-    for name, image in cameras.images.items():
-        builder.Connect(image, recognizer.GetInputPort(f"color_image_{name}"))
-        builder.ExportOutput(image, f"stereo_camera.color_image_{name}")
+    recognizer = _AddRecognizer(builder, scenario, cameras, tracker)
     predictor = None
     if scenario.method == "mff":
-        predictor = _MakePredictor(scenario, station, tracker.num_hypotheses)
-        builder.AddNamedSystem("predictor", predictor)
+        predictor = builder.AddNamedSystem(
+            "predictor", _MakePredictor(scenario, station, tracker.num_hypotheses)
+        )
         ConnectFeedforward(
             builder,
             recognizer=recognizer,
@@ -160,18 +155,7 @@ def MakeHandEyeDiagram(
         )
     WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:
-        AddClutter(builder, station.scene_graph, scenario, station.solid)
-        AddMeshcat(
-            builder,
-            meshcat=meshcat,
-            plant=station.plant,
-            scene_graph=station.scene_graph,
-            estimate=recognizer.GetOutputPort("X_CM"),
-            mesh=station.mesh,
-            camera_frame=station.plant.GetFrameByName(
-                MakeMounts(scenario)[0].frame_name, station.arm
-            ),
-        )
+        _AddView(builder, scenario, station, recognizer, meshcat)
     builder.ExportOutput(station.plant.get_state_output_port(), "state")
     builder.ExportOutput(cameras.exposed_state, "exposed_state")
     builder.ExportOutput(control.desired_state, "desired_state")
@@ -190,6 +174,20 @@ def MakeHandEyeDiagram(
     return diagram
 
 
+def _AddRecognizer(
+    builder: DiagramBuilder, scenario: Scenario, cameras: Cameras, tracker: Tracker
+) -> PoseRecognizer[Any]:
+    """Adds the system around a tracker, connected to the images, which the diagram shows, too."""
+    system: Any = OneStepGaRecognizer if isinstance(tracker, OneStepGaTracker) else PoseRecognizer
+    recognizer: PoseRecognizer[Any] = builder.AddNamedSystem(
+        "recognizer", system(tracker=tracker, timing=scenario.timing)
+    )
+    for name, image in cameras.images.items():
+        builder.Connect(image, recognizer.GetInputPort(f"color_image_{name}"))
+        builder.ExportOutput(image, f"stereo_camera.color_image_{name}")
+    return recognizer
+
+
 def _MakePredictor(scenario: Scenario, station: Station, num_hypotheses: int) -> MffPredictor:
     config, reference = scenario.predictor, MakeMounts(scenario)[0]
     return MffPredictor(
@@ -200,4 +198,25 @@ def _MakePredictor(scenario: Scenario, station: Station, num_hypotheses: int) ->
         latency=reference.latency if config.latency is None else config.latency,
         gain=config.gain,
         timing=scenario.timing,
+    )
+
+
+def _AddView(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Station,
+    recognizer: PoseRecognizer[Any],
+    meshcat: Meshcat,
+) -> None:
+    """Adds what shows arm, target, clutter and the estimated pose in Meshcat."""
+    plant = station.plant
+    AddClutter(builder, station.scene_graph, scenario, station.solid)
+    AddMeshcat(
+        builder,
+        meshcat=meshcat,
+        plant=plant,
+        scene_graph=station.scene_graph,
+        estimate=recognizer.GetOutputPort("X_CM"),
+        mesh=station.mesh,
+        camera_frame=plant.GetFrameByName(MakeMounts(scenario)[0].frame_name, station.arm),
     )
