@@ -18,6 +18,7 @@ from terminal import on_terminal
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 
+NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 MODULE = [sys.executable, "-m", "mffdrake"]
 SCRIPT = [str(Path(sys.executable).parent / "mffdrake")]
 PROGRAMS = pytest.mark.parametrize("program", [MODULE, SCRIPT], ids=["module", "script"])
@@ -29,8 +30,8 @@ def mffdrake(*arguments, cwd, program=MODULE, **environment):
     """Runs the command line with nobody watching: all streams are pipes or files."""
     return subprocess.run(
         [*program, *map(str, arguments)],
-        cwd=cwd, env=os.environ | environment, stdin=subprocess.DEVNULL, capture_output=True,
-        text=True, check=False,
+        cwd=cwd, env=os.environ | NO_PROGRESS | environment, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
 
 

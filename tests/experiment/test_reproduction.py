@@ -28,6 +28,7 @@ from mffdrake.experiment.simulation import Simulate
 from mffdrake.experiment.studies import MakeStudies
 from mffdrake.experiment.study import PlanRuns, Study, Variant
 
+NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 SMALL = "camera: {width: 64, height: 48}"
 SHORT = ["reproduce", "--short", "--duration", 0.4, "--scenario-text", SMALL, "--workers", 2]
 BASE = "{duration: 0.1, camera: {width: 64, height: 48}}"
@@ -39,7 +40,8 @@ NUMBERS = ["runs.csv", "runs.json", "runs.sqlite", "summary.json"]
 def mffdrake(*arguments, cwd, **environment):
     return subprocess.run(
         [sys.executable, "-m", "mffdrake", *map(str, arguments)], cwd=cwd, text=True,
-        env=os.environ | environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
+        env=os.environ | NO_PROGRESS | environment, stdin=subprocess.DEVNULL, capture_output=True,
+        check=False,
     )  # fmt: skip
 
 
@@ -165,6 +167,7 @@ def test_after_sigkill_the_same_command_goes_on(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "mffdrake", *map(str, SHORT)], cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | NO_PROGRESS,
     )  # fmt: skip
 
     def some():

@@ -29,6 +29,7 @@ from mffdrake.experiment.store import Record, RunStore, StoreError
 from mffdrake.experiment.sweep import OtherCodeError, RunScenario, Sweep
 from mffdrake.experiment.sweep_table import MakeTable, MedianTable
 
+NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 SMALL = {"renderer": "flat", "duration": 0.1, "camera": {"width": 64, "height": 48}}
 TIMES = re.compile(r"wall_s|realtime_factor|stages_ms\..*")
 UNREACHABLE = 3.0  # m; where the hand cannot be
@@ -58,7 +59,8 @@ def stored(folder):
 def mffdrake(*arguments, cwd, **environment):
     return subprocess.run(
         [sys.executable, "-m", "mffdrake", *map(str, arguments)], cwd=cwd, text=True,
-        env=os.environ | environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
+        env=os.environ | NO_PROGRESS | environment, stdin=subprocess.DEVNULL, capture_output=True,
+        check=False,
     )  # fmt: skip
 
 
@@ -331,6 +333,7 @@ def start_long_sweep(folder):
     process = subprocess.Popen(
         [sys.executable, "-m", "mffdrake", "sweep", "long.yaml", "--workers", "2"],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | NO_PROGRESS,
     )  # fmt: skip
     store = folder / "out" / "runs.sqlite"
 

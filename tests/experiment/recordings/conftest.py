@@ -10,6 +10,8 @@ import pytest
 
 from mffdrake.experiment.main import main
 
+NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
+
 
 def run(command, cwd):
     """Runs a command of mffdrake with nobody watching; a text or a list of words."""
@@ -18,8 +20,8 @@ def run(command, cwd):
         words = words[1:]
     return subprocess.run(
         [sys.executable, "-m", "mffdrake", *words],
-        cwd=cwd, env=dict(os.environ), stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        check=False,
+        cwd=cwd, env=os.environ | NO_PROGRESS, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, check=False,
     )  # fmt: skip
 
 
