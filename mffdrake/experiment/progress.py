@@ -64,6 +64,6 @@ def Advance(bar: tqdm[Any], amount: float = 1, *, kept: bool) -> None:
         amount: How much, in the unit of the bar's total.
         kept: Whether it was there before: then it tells nothing of the speed.
     """
-    if kept:
+    if kept and not bar.disable:
         bar.initial += amount
     bar.update(amount)

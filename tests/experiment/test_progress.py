@@ -3,7 +3,7 @@
 import io
 import sys
 
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.progress import Advance, ProgressBar
 
 
 def lines(monkeypatch, *, interval):
@@ -26,3 +26,11 @@ def test_a_log_gets_whole_lines_of_plain_text(monkeypatch):
 
 def test_work_that_is_soon_done_leaves_no_line(monkeypatch):
     assert lines(monkeypatch, interval=3600.0) == ""
+
+
+def test_bars_may_be_switched_off(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", log := io.StringIO())
+    with ProgressBar(total=4, desc="simulations", interval=0.0, disable=True) as bar:
+        Advance(bar, kept=True)
+        Advance(bar, kept=False)
+    assert log.getvalue() == ""
