@@ -106,6 +106,9 @@ def MakeHandEyeDiagram(
         - recognizer.X_CM
         - recognizer.fitness
         - recognizer.population
+        - recognizer.state
+        - recognizer.confidence
+        - recognizer.is_tracking
         - query_object
 
     Args:
@@ -160,7 +163,7 @@ def MakeHandEyeDiagram(
     builder.ExportOutput(cameras.exposed_state, "exposed_state")
     builder.ExportOutput(control.desired_state, "desired_state")
     builder.ExportOutput(control.actuation, "actuation")
-    for name in ("pose", "X_CM", "fitness", "population"):
+    for name in ("pose", "X_CM", "fitness", "population", "state", "confidence", "is_tracking"):
         builder.ExportOutput(recognizer.GetOutputPort(name), f"recognizer.{name}")
     builder.ExportOutput(cameras.query_object, "query_object")
     if prebuild_callback is not None:

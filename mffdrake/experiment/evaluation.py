@@ -18,12 +18,17 @@ from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.parameters import kind_of
 from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.tracking_state import TrackingState
 
 __all__ = [
+    "RIGHT_POSITION",
+    "RIGHT_ROTATION",
     "RMS_ERRORS",
     "SETTLED_AFTER",
+    "TRACKING_SHARES",
     "Evaluate",
     "FlattenRow",
+    "IsRight",
     "MarkdownTable",
     "Medians",
     "Versions",
@@ -37,6 +42,13 @@ SETTLED_AFTER = 5.0
 RMS_ERRORS = ("x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg")
 """Names of the root-mean-square errors: position [mm], quaternion [-], distance, angle."""
 
+RIGHT_POSITION, RIGHT_ROTATION = 0.005, float(np.radians(1.0))
+"""A pose no farther off than this [m], [rad] is right."""
+
+TRACKING_SHARES = ("right", "says_so", "false", "missed")
+"""Shares of the frames: whose pose is right, whose state is tracking, and where these differ: a
+state of tracking with a wrong pose, and a right pose in another state."""
+
 _PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 
 
@@ -48,7 +60,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
 
     Returns:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
-        after the first `SETTLED_AFTER` seconds (None where there are none), and times.
+        after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
+        (see `TRACKING_SHARES`), and times.
 
     Example:
         >>> from mffdrake.experiment.simulation import Simulate
@@ -73,6 +86,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "mean_fitness_settled": _MeanFitness(result, settled),
         "rms": _RmsErrors(result, everything),
         "rms_settled": _RmsErrors(result, settled),
+        "tracking": _TrackingShares(result),
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
         "stages_ms": result.stages_ms,
@@ -96,6 +110,25 @@ def _RmsErrors(result: SimulationResult, chosen: NDArray[np.bool_]) -> dict[str,
     return {
         name: float(np.sqrt(np.mean(values**2))) if len(values) else None
         for name, values in zip(RMS_ERRORS, columns, strict=True)
+    }
+
+
+def IsRight(result: SimulationResult) -> NDArray[np.bool_]:
+    """Which frames' poses are right: to 5 mm and 1 deg, shape (K,).
+
+    Args:
+        result: A simulation's record.
+    """
+    true, recognized = result.true_pose, result.recognized_pose
+    near = np.linalg.norm(recognized[:, :3] - true[:, :3], axis=1) <= RIGHT_POSITION
+    return near & (rotation_angle(true[:, 3:], recognized[:, 3:]) <= RIGHT_ROTATION)
+
+
+def _TrackingShares(result: SimulationResult) -> dict[str, float]:
+    right, says_so = IsRight(result), result.state == TrackingState.TRACKING
+    frames = (right, says_so, says_so & ~right, right & ~says_so)
+    return {
+        name: float(np.mean(chosen)) for name, chosen in zip(TRACKING_SHARES, frames, strict=True)
     }
 
 

@@ -36,6 +36,9 @@ class SimulationResult:
             images were exposed, shape (K, 6).
         recognized_pose: The pose recognized from that frame's images, shape (K, 6).
         fitness: Its fitness, 0 to 1, shape (K,).
+        state: What the tracker says of it, a number of `TrackingState`, shape (K,).
+        confidence: Probability that it is right to 5 mm and 1 deg, NaN where the tracker does not
+            tell it, shape (K,).
         desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
         actual_hand_pose: The same of the actual hand, shape (K, 6).
         joint_positions: Arm's n joint angles [rad], shape (K, n).
@@ -51,6 +54,8 @@ class SimulationResult:
     true_pose: Array
     recognized_pose: Array
     fitness: Array
+    state: Array
+    confidence: Array
     desired_hand_pose: Array
     actual_hand_pose: Array
     joint_positions: Array
@@ -98,6 +103,8 @@ class SimulationResult:
             )
         )
         values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
+        for name in ("state", "confidence"):  # Earlier versions did not record them.
+            values.setdefault(name, np.full(len(values["time"]), np.nan))
         return cls(stages_ms=stages, **values)
 
 
@@ -287,8 +294,8 @@ class _Recorder:
         self._marks.append(time.perf_counter())
         context = self._recognizer_context
         self._rows["recognized_pose"].append(self._recognizer.GetOutputPort("pose").Eval(context))
-        fitness = self._recognizer.GetOutputPort("fitness").Eval(context)
-        self._rows["fitness"].append(float(fitness[0]))
+        for name in ("fitness", "state", "confidence"):
+            self._rows[name].append(float(self._recognizer.GetOutputPort(name).Eval(context)[0]))
 
     def FinishFrame(self, ticks: int) -> None:
         """Notes the stages' times at the end of a frame."""

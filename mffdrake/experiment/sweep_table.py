@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mffdrake.experiment.evaluation import RMS_ERRORS, FlattenRow
+from mffdrake.experiment.evaluation import RMS_ERRORS, TRACKING_SHARES, FlattenRow
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.grid import Grid
 from mffdrake.experiment.store import Record
@@ -28,6 +28,7 @@ _EVALUATED: dict[str, type] = {
     "refinement": str, "renderer": str,
     "duration": float, "frames": int, "mean_fitness": float, "mean_fitness_settled": float,
     **{f"{when}.{name}": float for when in ("rms", "rms_settled") for name in RMS_ERRORS},
+    **{f"tracking.{name}": float for name in TRACKING_SHARES},
     "wall_s": float, "realtime_factor": float,
 }  # fmt: skip
 

@@ -42,7 +42,7 @@ from mffdrake.experiment.recordings.trajectory import (
     Trajectory,
 )
 from mffdrake.experiment.scenario import LoadRecognizer
-from mffdrake.recognition import OneStepGaTracker, PoseTracker, TrackerParameters
+from mffdrake.recognition import PoseTracker, TrackerParameters
 
 __all__ = ["RunTrack"]
 
@@ -61,8 +61,8 @@ def RunTrack(options: argparse.Namespace) -> int:
     Raises:
         ValueError, OSError: On bad input; what was tracked until then is written.
     """
-    algorithm = _MakeAlgorithm(options)
-    matcher = algorithm.matcher
+    tracker = _MakeTracker(options)
+    matcher = tracker.ga.matcher
     given = ImagesByCamera("NAME=SOURCE", options.images)
     recording = Recording(
         rig=matcher.rig,
@@ -73,7 +73,6 @@ def RunTrack(options: argparse.Namespace) -> int:
     )
     folder = MakeOutputFolder(options.out)
     tracked: list[TrackedFrame] = []
-    tracker = PoseTracker(algorithm)
     try:
         with (
             _Bars(recording.count, options.generations) as (on_frame, on_generation),
@@ -97,16 +96,16 @@ def RunTrack(options: argparse.Namespace) -> int:
                 on_frame(estimate.fitness)
     finally:
         if tracked:
-            _Write(tracked, algorithm, tracker, options, folder)
+            _Write(tracked, tracker, options, folder)
     _Tell(tracked, folder)
-    warning = MotionWarning(tracked, algorithm.sure_fitness)
+    warning = MotionWarning(tracked, tracker.ga.sure_fitness)
     if warning is not None:
         _log.warning("%s", warning)
     return 0
 
 
-def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
-    """The algorithm that the options describe."""
+def _MakeTracker(options: argparse.Namespace) -> PoseTracker:
+    """The tracker that the options describe."""
     rig, solid = LoadRig(options.rig), LoadTarget(options.target)
     colors = None if options.colors is None else LoadColors(options.colors)
     config = _ReadRecognizer(options.recognizer or "{}")
@@ -120,12 +119,14 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
     if options.generations is not None and options.start not in (None, "random"):
         raise ArgumentsError("--generations searches from nothing: leave --start out")
     try:
-        algorithm = config.make_tracker(
-            solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
+        tracker = PoseTracker(
+            config.make_tracker(
+                solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
+            )
         )
     except ValueError as error:
         raise ArgumentsError(f"{options.colors or options.target}: {error}") from error
-    search_range = algorithm.coding.search_range
+    search_range = tracker.ga.coding.search_range
     middle = 0.5 * (search_range.lower + search_range.upper)[:3]
     if not any(np.isfinite(camera.project(middle)).all() for camera in rig.cameras):
         _log.warning(
@@ -133,7 +134,7 @@ def _MakeAlgorithm(options: argparse.Namespace) -> OneStepGaTracker:
             "it by --recognizer '{search_range: {x: [least, greatest], ...}}'",
             np.round(middle, 3).tolist(),
         )
-    return algorithm
+    return tracker
 
 
 def _ReadRecognizer(given: str) -> TrackerParameters:
@@ -160,7 +161,6 @@ def _IsFile(text: str) -> bool:
 
 def _Write(
     tracked: list[TrackedFrame],
-    algorithm: OneStepGaTracker,
     tracker: PoseTracker,
     options: argparse.Namespace,
     folder: Path,
@@ -181,11 +181,11 @@ def _Write(
             "ms": float(np.mean([frame.ms for frame in tracked])),
         },
         "search": _Search(tracked[0]),
-        "last_refinement": _LastRefinement(last, algorithm, tracker),
+        "last_refinement": _LastRefinement(last, tracker),
     }
     with WholeFile(folder / "track.json") as part:
         part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    matcher = algorithm.matcher
+    matcher = tracker.ga.matcher
     views = DrawViews(last.recorded.images, last.estimate.pose, matcher.solid, matcher.rig)
     SaveImage(views, folder / "last_frame.png")
     if len(tracked) > 1:
@@ -204,14 +204,11 @@ def _Search(first: TrackedFrame) -> dict[str, Any] | None:
     }
 
 
-def _LastRefinement(
-    last: TrackedFrame, algorithm: OneStepGaTracker, tracker: PoseTracker
-) -> dict[str, Any]:
+def _LastRefinement(last: TrackedFrame, tracker: PoseTracker) -> dict[str, Any]:
     """What the refinement says of the last frame's pose."""
     assert tracker.generation is not None
-    result = algorithm.refiner.refine(
-        last.estimate.pose, last.recorded.images, gains=tracker.generation.gains
-    )
+    scene = tracker.ga.matcher.scene(last.recorded.images, tracker.generation.gains)
+    result = tracker.ga.refiner.refine_scene(last.estimate.pose, scene)
     return {
         "refined": last.estimate.refined,
         "reason": "" if last.estimate.refined else result.reason,

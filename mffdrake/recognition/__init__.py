@@ -3,10 +3,12 @@
 Nothing here imports pydrake.
 """
 
+from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, NoAcquisition
 from mffdrake.recognition.any_tracker import Tracker
 from mffdrake.recognition.cameras import Camera, CameraRig
 from mffdrake.recognition.colors import ColorModel, FaceColor
 from mffdrake.recognition.distortion import Distortion
+from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.genetic import (
     POSE_COORDINATES,
     GeneCoding,
@@ -17,6 +19,7 @@ from mffdrake.recognition.genetic import (
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import Matcher, MatchingParameters
 from mffdrake.recognition.parameters import ParameterError
+from mffdrake.recognition.pose_filter import PoseFilter, PoseFilterParameters
 from mffdrake.recognition.pose_tracker import Estimate, PoseTracker
 from mffdrake.recognition.refinement import (
     BorderRefiner,
@@ -25,6 +28,7 @@ from mffdrake.recognition.refinement import (
     RefinementParameters,
     Refiner,
 )
+from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.search import Found, PoseSearch, SearchParameters
 from mffdrake.recognition.solid_model import (
     BLUE,
@@ -34,15 +38,10 @@ from mffdrake.recognition.solid_model import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.tracker import (
-    ColoredStart,
-    Generation,
-    NearStart,
-    OneStepGaTracker,
-    RandomStart,
-    Start,
-)
+from mffdrake.recognition.starts import ColoredStart, NearStart, RandomStart, Start
+from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.tracker_parameters import TrackerParameters
+from mffdrake.recognition.tracking_state import TrackingState
 from mffdrake.recognition.white_balance import (
     AdaptiveWhiteBalance,
     FixedWhiteBalance,
@@ -54,6 +53,8 @@ __all__ = [
     "GREEN",
     "POSE_COORDINATES",
     "RED",
+    "Acquisition",
+    "AcquisitionParameters",
     "AdaptiveWhiteBalance",
     "BorderRefiner",
     "Camera",
@@ -74,15 +75,19 @@ __all__ = [
     "Matcher",
     "MatchingParameters",
     "NearStart",
+    "NoAcquisition",
     "NoRefinement",
     "OneStepGaTracker",
     "ParameterError",
+    "PoseFilter",
+    "PoseFilterParameters",
     "PoseSearch",
     "PoseTracker",
     "RandomStart",
     "Refinement",
     "RefinementParameters",
     "Refiner",
+    "RobustTracker",
     "SamplingParameters",
     "SearchModel",
     "SearchParameters",
@@ -91,5 +96,6 @@ __all__ = [
     "Start",
     "Tracker",
     "TrackerParameters",
+    "TrackingState",
     "WhiteBalance",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import Line, Lines, cross, rotation
+from mffdrake.recognition._edge_lines import Line, Lines, cross, edge_lines, rotation
 from mffdrake.recognition._lens import Eye, pixel
 from mffdrake.recognition._structs import ColorGate, Scene, new_placed, place
 
@@ -27,6 +27,7 @@ BORDER = np.dtype(
         ("slot", np.int64),
         ("along", np.float64),  # the row (or column) [px]
         ("across", np.float64),  # where on it [px]
+        ("off", np.float64),  # how far from where it was expected [px]
         ("blended", np.float64),  # how blended the pixels are that it crosses
         ("within", np.float64),  # a jump's: within how many rows it lies
         ("weight", np.float64),  # in the least-squares system
@@ -109,10 +110,6 @@ def _find_border(
     nothing = (np.nan, 0.0)
     origin, stride, outward, blend = scan.origin, scan.stride, scan.outward, rules.blend
     k = math.floor(scan.expected + 0.5)
-    # All that can be read must be in the image.
-    reach = scan.window + blend + 3
-    if k < reach or k + reach >= scan.length:
-        return nothing
     # From the expected place to the nearest pixel that shows the color before one that does not
     steps = 0
     direction = -outward
@@ -169,8 +166,11 @@ def _find_border(
 @njit(cache=True, error_model="numpy")
 def find_borders(
     pose: Array, lines: Lines, scene: Scene, rules: BorderRules, stage: Stage
-) -> tuple[Borders, int]:
-    """Borders near the projected edges of a solid at a pose, and how many were sought."""
+) -> tuple[Borders, NDArray[np.int64]]:
+    """Borders near the projected edges of a solid at a pose, and how many were sought in each view.
+
+    None is sought where the image ends too soon to show one.
+    """
     solid = scene.solid
     num_edges, num_faces = len(solid.edges), len(solid.normals)
     total, most = 0, 0
@@ -184,11 +184,14 @@ def find_borders(
     # No more memory than may be needed, and untouched: fresh pages cost more than the search.
     borders = np.empty(int(min(needed, float(num_edges * total))), dtype=BORDER)
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    count, sought, slot = 0, 0, -1
+    sought = np.zeros(len(scene.views), dtype=np.int64)
+    room = stage.window + rules.blend + 3  # what `_find_border` may read on either side
+    count, seen, slot = 0, -1, -1
     R_CM, placed = rotation(pose[3:]), new_placed()
     cosines = np.empty(num_faces)
     for view in scene.views:
         pixels, eye = view.pixels, view.eye
+        seen += 1
         place(R_CM, pose[:3], eye, placed)
         for k in range(num_faces):
             dx, dy, dz = placed.p_MK[0], placed.p_MK[1], placed.p_MK[2]
@@ -228,18 +231,38 @@ def find_borders(
             stride = 1 if line.rows else eye.width
             for r in range(rows):
                 expected, n = across[r], int(along[r])
-                if not -0.5 <= expected < length - 0.5:
+                if not room <= math.floor(expected + 0.5) < length - room:
                     continue
-                sought += 1
+                sought[seen] += 1
                 origin = n * eye.width if line.rows else n
                 scan = Scan(origin, stride, length, expected, outward, stage.window)
                 position, blended = _find_border(pixels, scan, sides, scene.gate, rules)
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
                     border.slot, border.along, border.across = slot, along[r], position
+                    border.off = position - expected
                     border.blended, border.within, border.weight = blended, 0.0, 0.0
                     count += 1
     return borders[:count], sought
+
+
+@njit(cache=True, error_model="numpy")
+def count_explained(
+    pose: Array, scene: Scene, rules: BorderRules, stage: Stage, tolerance: float
+) -> NDArray[np.int64]:
+    """Of each view, how many borders lie where a pose has them, and how many there should be.
+
+    Shape (number of views, 2).
+    """
+    counts = np.zeros((len(scene.views), 2), dtype=np.int64)
+    num_edges = len(scene.solid.edges)
+    lines = edge_lines(pose, scene.solid.vertices, scene.solid.edges, scene.views)
+    borders, sought = find_borders(pose, lines, scene, rules, stage)
+    counts[:, 1] = sought
+    for border in borders:
+        if abs(border.off) <= tolerance:
+            counts[border.slot // num_edges, 0] += 1
+    return counts
 
 
 @njit(cache=True, error_model="numpy")
@@ -297,6 +320,7 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
                 jump.slot = here.slot
                 jump.along = borders[last].along + stayed + 0.5
                 jump.across = 0.5 * (rounded[k] + rounded[last])
+                jump.off = 0.0
                 jump.blended, jump.within, jump.weight = 0.0, k - last - 2.0, 0.0
                 count += 1
         last = k

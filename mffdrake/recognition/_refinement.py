@@ -229,6 +229,26 @@ def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, 
 
 
 @njit(cache=True, error_model="numpy")
+def approach(
+    starts: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Poses stepped toward the borders that are seen from further and further near.
+
+    Returns the poses, shape (N, 6), and which of them found borders in every stage.
+    """
+    poses, arrived = starts.copy(), np.zeros(len(starts), dtype=np.bool_)
+    for n in range(len(starts)):
+        arrived[n] = True
+        for stage in stages:
+            result = _refine_once(poses[n], scene, rules, stage, False)
+            if result.outcome != SETTLED:
+                arrived[n] = False
+                break
+            poses[n] = result.pose
+    return poses, arrived
+
+
+@njit(cache=True, error_model="numpy")
 def _refine_once(
     start: Array, scene: Scene, rules: BorderRules, stage: Stage, final: bool
 ) -> Result:
@@ -237,7 +257,8 @@ def _refine_once(
     covariance, L = np.zeros((6, 6)), np.zeros((6, 6))
     equations = Equations(np.zeros((6, 6)), np.zeros(6))
     lines = edge_lines(pose, solid.vertices, solid.edges, scene.views)
-    borders, sought = find_borders(pose, lines, scene, rules, stage)
+    borders, sought_by_view = find_borders(pose, lines, scene, rules, stage)
+    sought = sought_by_view.sum()
     count = len(borders)
     if count * stage.spacing < rules.min_borders:
         return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.recognition.cameras import CameraRig
-from mffdrake.recognition.tracker import Generation
+from mffdrake.recognition.generation import Generation
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

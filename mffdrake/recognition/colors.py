@@ -196,6 +196,20 @@ class ColorModel:
         k = self._indices(materials)
         return np.ascontiguousarray(self._alike[np.ix_(k, k)])
 
+    def first_alike(self, materials: Sequence[str]) -> NDArray[np.int64]:
+        """Of each of some materials the first color that it cannot be told from.
+
+        Args:
+            materials: Names of colors of this model.
+
+        Returns:
+            Numbers of colors, shape (number of materials,).
+
+        Raises:
+            ValueError: When a material has no color here.
+        """
+        return np.asarray(np.argmax(self._same, axis=1)[self._indices(materials)])
+
     def _indices(self, materials: Sequence[str]) -> list[int]:
         missing = sorted(set(materials) - set(self.names))
         if missing:

@@ -177,6 +177,11 @@ class Matcher:
         gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
         return Scene(self.rig.views(images), self._structs[0], gate)
 
+    @property
+    def struct(self) -> Solid:
+        """What the compiled functions take for the solid."""
+        return self._structs[0]
+
     def _gate(self, gains: Gains) -> ColorGate:
         return self.colors.gate(channel_order=self.channel_order, gains=gains)
 

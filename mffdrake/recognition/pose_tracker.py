@@ -12,14 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
+from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.genetic import GeneCoding, SearchRange
 from mffdrake.recognition.matching import Images, Matcher
 from mffdrake.recognition.pose import quaternion_scalar, rotation_matrix
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 from mffdrake.recognition.refinement import BorderRefiner
+from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.search import Found, PoseSearch
 from mffdrake.recognition.solid_model import SearchModel, SolidModel
-from mffdrake.recognition.tracker import Generation, NearStart, OneStepGaTracker
+from mffdrake.recognition.starts import NearStart
+from mffdrake.recognition.tracker import OneStepGaTracker
+from mffdrake.recognition.tracking_state import TrackingState
 
 Array = NDArray[np.float64]
 
@@ -36,6 +40,8 @@ class Estimate:
         covariance: Covariance of its error, shape (6, 6); NaN where the pose is not refined.
         fitness: Its fitness, 0 to 1.
         frame: Number of the frame, from 0.
+        state: Whether the pose may be relied on.
+        confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where not known.
 
     Example:
         >>> estimate = Estimate(np.array([0.0, 0.1, 0.8, 0.6, 0.0, 0.0]), 0.9, 0)
@@ -47,6 +53,13 @@ class Estimate:
     fitness: float
     frame: int
     covariance: Array = field(default_factory=lambda: np.full((6, 6), math.nan))
+    state: TrackingState = TrackingState.SEARCHING
+    confidence: float = math.nan
+
+    @property
+    def is_tracking(self) -> bool:
+        """Whether the images show the target at the pose, and at no other."""
+        return self.state == TrackingState.TRACKING
 
     @property
     def refined(self) -> bool:
@@ -84,8 +97,8 @@ class Estimate:
 class PoseTracker:
     """Recognizes a solid's pose in frame after frame of a rig's images.
 
-    It wraps a `OneStepGaTracker`, which has all of the parameters, and keeps what that carries from
-    frame to frame. The same images in the same order always give the same results.
+    It wraps a `RobustTracker` or a `OneStepGaTracker`, which has all of the parameters, and keeps
+    what that carries from frame to frame. The same images in the same order always give the same results.
 
     Args:
         algorithm: The algorithm.
@@ -99,7 +112,7 @@ class PoseTracker:
         (0, 1)
     """
 
-    def __init__(self, algorithm: OneStepGaTracker) -> None:
+    def __init__(self, algorithm: OneStepGaTracker | RobustTracker) -> None:
         self.algorithm = algorithm
         self._generation: Generation | None = None
         self._next_frame = 0
@@ -125,7 +138,8 @@ class PoseTracker:
                 "bgr". There is no default: in the wrong order red faces are taken for blue ones.
             colors: How the solid's materials look; by default as in its mesh file.
             search_range: Where the target may be.
-            refine: Whether poses are refined from the color borders.
+            refine: Whether poses are refined from the color borders, and the target is searched for
+                and judged by them; or the GA is alone.
             seed: Of the random numbers, at least 0.
 
         Raises:
@@ -133,10 +147,16 @@ class PoseTracker:
         """
         matcher = Matcher(SearchModel(solid), rig, colors=colors, channel_order=channel_order)
         coding = GeneCoding(search_range=SearchRange() if search_range is None else search_range)
-        algorithm = OneStepGaTracker(matcher=matcher, coding=coding, seed=seed)
-        if refine:
-            algorithm = dc.replace(algorithm, refiner=BorderRefiner(matcher))
-        return cls(algorithm)
+        ga = OneStepGaTracker(matcher=matcher, coding=coding, seed=seed)
+        if not refine:
+            return cls(ga)
+        return cls(RobustTracker(ga=dc.replace(ga, refiner=BorderRefiner(matcher))))
+
+    @property
+    def ga(self) -> OneStepGaTracker:
+        """The 1-step GA, alone or inside the robust tracker."""
+        algorithm = self.algorithm
+        return algorithm.ga if isinstance(algorithm, RobustTracker) else algorithm
 
     @property
     def generation(self) -> Generation | None:
@@ -169,7 +189,7 @@ class PoseTracker:
         algorithm = self.algorithm
         if pose is not None:
             self._check_channel_order(images, pose)
-            algorithm = dc.replace(algorithm, start=NearStart(pose, spread))
+            algorithm = algorithm.with_start(NearStart(pose, spread))
         self._next_frame = 0
         return self._took(algorithm.start_population(images, frame=0))
 
@@ -193,7 +213,7 @@ class PoseTracker:
         Raises:
             ValueError: When an image does not fit its camera, or ``generations`` is below 1.
         """
-        found = PoseSearch(self.algorithm).search(
+        found = PoseSearch(self.ga).search(
             images, generations, frame=self._next_frame, on_generation=on_generation
         )
         return self._took(found.generation), found
@@ -231,7 +251,13 @@ class PoseTracker:
     def _took(self, generation: Generation) -> Estimate:
         self._generation = generation
         frame, self._next_frame = self._next_frame, self._next_frame + 1
-        estimate = Estimate(generation.best, float(generation.fitness[0]), frame)
+        estimate = Estimate(
+            generation.best,
+            float(generation.fitness[0]),
+            frame,
+            state=generation.state,
+            confidence=generation.confidence,
+        )
         if generation.covariance is not None:
             estimate = dc.replace(estimate, covariance=generation.covariance)
         return estimate

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -19,6 +20,10 @@ from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.parameters import Count, NonNegative, Share, parameters
 from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._borders import BorderRules, Stage
+    from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
 
@@ -139,8 +144,8 @@ class Refinement:
 class Refiner(Protocol):
     """Makes a pose more accurate."""
 
-    def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
-        """The refined pose, or the given one with a reason."""
+    def refine_scene(self, pose: ArrayLike, scene: Scene) -> Refinement:
+        """The refined pose, or the given one with a reason, on images made ready."""
         ...
 
 
@@ -149,14 +154,13 @@ class NoRefinement:
     """Leaves poses as they are.
 
     Example:
-        >>> image = np.zeros((480, 640, 3), dtype=np.uint8)
-        >>> NoRefinement().refine(np.zeros(6), [image, image]).converged
-        False
+        >>> NoRefinement().kind
+        'none'
     """
 
     kind: ClassVar[str] = "none"
 
-    def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
+    def refine_scene(self, pose: ArrayLike, scene: Scene) -> Refinement:
         """The given pose, not refined."""
         return Refinement(np.array(pose, dtype=float))
 
@@ -210,16 +214,29 @@ class BorderRefiner:
 
     def __init__(self, matcher: Matcher, parameters: RefinementParameters | None = None) -> None:
         self.matcher = matcher
-        self.parameters = p = RefinementParameters() if parameters is None else parameters
-        self._rules = (
+        self.parameters = RefinementParameters() if parameters is None else parameters
+
+    @cached_property
+    def rules(self) -> BorderRules:
+        """Which borders count, as the compiled functions take it."""
+        from mffdrake.recognition._borders import BorderRules  # numba: slow to import
+
+        p = self.parameters
+        return BorderRules(
             p.blend, float(p.end_margin), float(p.min_cosine), float(p.min_contrast),
             float(p.max_mismatch), p.min_borders, float(p.border_error), float(p.edge_error),
         )  # fmt: skip
-        # Three stages: from afar, near, and on every row with as many steps as it takes.
-        self._stages = (
-            (p.window, p.coarse_spacing, 2),
-            (p.fine_window, p.coarse_spacing, 2),
-            (p.fine_window, 1, 8),
+
+    @cached_property
+    def stages(self) -> tuple[Stage, ...]:
+        """Three stages: from afar, near, and on every row with as many steps as it takes."""
+        from mffdrake.recognition._borders import Stage  # numba: slow to import
+
+        p = self.parameters
+        return (
+            Stage(p.window, p.coarse_spacing, 2),
+            Stage(p.fine_window, p.coarse_spacing, 2),
+            Stage(p.fine_window, 1, 8),
         )
 
     def refine(self, pose: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Refinement:
@@ -237,15 +254,19 @@ class BorderRefiner:
         Raises:
             ValueError: When an image is missing, or has another type or size than its camera's.
         """
-        from mffdrake.recognition import _borders, _refinement  # numba: slow to import
+        return self.refine_scene(pose, self.matcher.scene(images, gains))
+
+    def refine_scene(self, pose: ArrayLike, scene: Scene) -> Refinement:
+        """`refine` on images that were made ready before.
+
+        Args:
+            pose: Pose vector ``(r [m], eps)``, shape (6,).
+            scene: What `Matcher.scene` made of the images.
+        """
+        from mffdrake.recognition import _refinement  # numba: slow to import
 
         given = np.array(pose, dtype=float).reshape(6)
-        result = _refinement.refine(
-            given,
-            self.matcher.scene(images, gains),
-            _borders.BorderRules(*self._rules),
-            tuple(_borders.Stage(*stage) for stage in self._stages),
-        )
+        result = _refinement.refine(given, scene, self.rules, self.stages)
         errors = [camera.calibration_error for camera in self.matcher.rig.cameras]
         expected = math.hypot(
             self.parameters.border_error,
@@ -265,7 +286,7 @@ class BorderRefiner:
         fitness = math.nan
         if not reason:
             both = np.stack([refined, given])
-            fitness, before = self.matcher.fitness(both, images, gains=gains).tolist()
+            fitness, before = self.matcher.score(both, scene).tolist()
             if fitness < before - self.parameters.fitness_tolerance:
                 reason = "less fit"
             elif fitness < self.parameters.min_fitness:

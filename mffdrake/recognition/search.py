@@ -12,12 +12,14 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
+from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images
 from mffdrake.recognition.parameters import Count, NonNegative, parameters
 from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.refinement import NoRefinement
+from mffdrake.recognition.starts import ColoredStart
 from mffdrake.recognition.symmetry import find_turns, turn_about_middle
-from mffdrake.recognition.tracker import ColoredStart, Generation, OneStepGaTracker
+from mffdrake.recognition.tracker import OneStepGaTracker
 
 Array = NDArray[np.float64]
 
@@ -184,8 +186,7 @@ class PoseSearch:
 
     def _agreeing(self, ends: list[Generation]) -> list[Generation]:
         """The rounds that ended at the fittest pose, the fittest first."""
-        p, vertices = self.parameters, self.tracker.matcher.solid.vertices
-        size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        p, size = self.parameters, self.tracker.matcher.solid.size
         ends = sorted(ends, key=lambda end: -float(end.fitness[0]))
         poses = np.array([end.best for end in ends])
         near = np.linalg.norm(poses[:, :3] - poses[0, :3], axis=1) <= p.same_position * size

@@ -180,6 +180,11 @@ class SolidModel:
             face_materials.append(materials[members[0]])
         return cls(vertices, faces, face_hues, face_materials)
 
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around it, along the axes of its frame [m]."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
     def _normal(self, face: Sequence[int]) -> Array:
         """Outward unit normal of a face (Newell's method)."""
         p = self.vertices[list(face)]

@@ -16,6 +16,7 @@ from mffdrake.recognition.solid_model import SolidModel
 
 Array = NDArray[np.float64]
 
+_EXACTLY = 0.02  # as `find_turns`' tolerance
 _MOST = 60  # the largest finite group of rotations of a solid, but for prisms of many sides
 
 
@@ -90,3 +91,32 @@ def turn_about_middle(pose: Array, solid: SolidModel, turns: Array) -> Array:
     middle = solid.vertices.mean(axis=0)
     turned = R @ turns
     return pose_from_transform(turned, p + R @ middle - turned @ middle)
+
+
+def find_look_alikes(solid: SolidModel) -> Array:
+    """Rotations that bring a solid's shape onto itself, but not its colors.
+
+    From some sides, the solid turned by one of them looks the same.
+
+    Args:
+        solid: The solid.
+
+    Returns:
+        Rotation matrices in the solid's frame, shape (K, 3, 3).
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> len(find_look_alikes(SolidModel.box((1.0, 1.0, 2.0), (RED, GREEN, BLUE))))  # quarters
+        4
+    """
+    turns = find_turns(solid, _EXACTLY)
+    differ = [not _keeps_colors(solid, R) for R in turns]
+    return turns[np.array(differ, dtype=bool)]
+
+
+def _keeps_colors(solid: SolidModel, R: Array) -> bool:
+    """Whether a rotation brings every face onto one of its color."""
+    middle = solid.vertices.mean(axis=0)
+    turned = (solid.centers - middle) @ R.T + middle
+    onto = np.linalg.norm(turned[:, None] - solid.centers, axis=-1).argmin(axis=1)
+    return all(solid.materials[k] == solid.materials[j] for k, j in enumerate(onto))

@@ -4,120 +4,25 @@ from __future__ import annotations
 
 import dataclasses as dc
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.cameras import CameraRig
+from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.refinement import NoRefinement, Refiner
+from mffdrake.recognition.starts import RandomStart, Start
+from mffdrake.recognition.tracking_state import TrackingState
 from mffdrake.recognition.white_balance import FixedWhiteBalance, WhiteBalance
 
 if TYPE_CHECKING:
     from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
-
-
-class Start(Protocol):
-    """Draws the candidates for the first population."""
-
-    def draw(
-        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
-    ) -> Array:
-        """Pose vectors, shape (at least the population's size, 6).
-
-        Args:
-            algorithm: Its search range and its parameters count.
-            rng: Source of randomness.
-            matcher: The solid and the cameras.
-            scene: The images, see `Matcher.scene`.
-        """
-        ...
-
-
-@dataclass(frozen=True)
-class RandomStart:
-    """A first population over the whole search range: nothing is known of the pose."""
-
-    def draw(
-        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
-    ) -> Array:
-        """Pose vectors drawn evenly over the search range."""
-        p = algorithm.parameters
-        return algorithm.draw(p.population_size * p.first_candidates, rng)
-
-
-@dataclass(frozen=True)
-class ColoredStart:
-    """A first population over the whole search range, where the images show the solid's colors.
-
-    Attributes:
-        draws: So many times more poses are drawn than candidates are wanted; those count whose
-            middle shows a color of the solid in the most images.
-
-    Example:
-        >>> ColoredStart().draws
-        20
-    """
-
-    draws: int = 20
-
-    def draw(
-        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
-    ) -> Array:
-        """Pose vectors drawn over the search range, the best placed of many."""
-        count = algorithm.parameters.population_size * algorithm.parameters.first_candidates
-        poses = algorithm.draw(count * self.draws, rng)
-        shown = matcher.middle_shown(poses, scene)
-        return poses[np.argsort(-shown, kind="stable")[:count]]
-
-
-@dataclass(frozen=True)
-class NearStart:
-    """A first population around a pose that is roughly known.
-
-    Attributes:
-        pose: The pose vector, shape (6,).
-        spread: Standard deviations of the position [m] and of the quaternion.
-    """
-
-    pose: ArrayLike
-    spread: tuple[float, float] = (0.010, 0.020)
-
-    def draw(
-        self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
-    ) -> Array:
-        """Pose vectors drawn around the known one."""
-        count = algorithm.parameters.population_size
-        return algorithm.draw_near(self.pose, self.spread, count, rng)
-
-
-@dataclass(frozen=True)
-class Generation:
-    """A scored population, best first.
-
-    Attributes:
-        poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
-        fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
-            whatever its fitness.
-        covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
-        gains: White balance for the next frame: what red, green and blue are multiplied with.
-    """
-
-    poses: Array
-    fitness: Array
-    covariance: Array | None = None
-    gains: Gains = NO_GAINS
-
-    @property
-    def best(self) -> Array:
-        """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
-        best: Array = self.poses[0]
-        return best
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,8 +123,18 @@ class OneStepGaTracker:
             The best of the drawn candidates, as many as the population has.
         """
         scene = self.matcher.scene(images, gains)
-        candidates = self.start.draw(self._algorithm, self._rng(frame), self.matcher, scene)
-        return self._finish(self._select(candidates, scene, gains), images)
+        return self._finish(self.draw(scene, gains, self.rng(frame)), images, scene)
+
+    def draw(self, scene: Scene, gains: Gains, rng: np.random.Generator) -> Generation:
+        """The first population, scored, and nothing else.
+
+        Args:
+            scene: The images, see `Matcher.scene`.
+            gains: Their white balance.
+            rng: Source of randomness.
+        """
+        candidates = self.start.draw(self._algorithm, rng, self.matcher, scene)
+        return self._select(candidates, scene, Generation(candidates, np.empty(0), gains=gains))
 
     def track(
         self,
@@ -245,18 +160,74 @@ class OneStepGaTracker:
         Raises:
             ValueError: When the population's size is not the parameters'.
         """
+        self.check_size(generation)
+        scene, rng = self.matcher.scene(images, generation.gains), self.rng(frame)
+        center = None if generation.covariance is None else generation.best
+        for _ in range(self.generations_per_frame):
+            generation = self._breed_once(generation, scene, rng, center, proposals)
+            center, proposals = None, None
+        return self._finish(generation, images, scene)
+
+    def breed(
+        self,
+        generation: Generation,
+        scene: Scene,
+        rng: np.random.Generator,
+        center: ArrayLike | None = None,
+    ) -> Generation:
+        """A frame's generations, scored, and nothing else.
+
+        Args:
+            generation: A population.
+            scene: The images, see `Matcher.scene`.
+            rng: Source of randomness.
+            center: Pose vector that the children of the first are drawn around, shape (6,).
+        """
+        for _ in range(self.generations_per_frame):
+            generation = self._breed_once(generation, scene, rng, center, None)
+            center = None
+        return generation
+
+    def _breed_once(
+        self,
+        generation: Generation,
+        scene: Scene,
+        rng: np.random.Generator,
+        center: ArrayLike | None,
+        proposals: ArrayLike | None,
+    ) -> Generation:
+        candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
+        if proposals is not None:
+            candidates = np.concatenate([candidates, proposals])
+        return self._select(candidates, scene, generation)
+
+    def join(self, generation: Generation, poses: Array, scene: Scene) -> Generation:
+        """A population in which further poses have the places of the last individuals.
+
+        Args:
+            generation: The population.
+            poses: Pose vectors, fewer than it has, shape (K, 6).
+            scene: The images, see `Matcher.scene`.
+        """
+        stay = len(generation.poses) - len(poses)
+        fitness = np.concatenate([generation.fitness[:stay], self.matcher.score(poses, scene)])
+        order = np.argsort(-fitness, kind="stable")
+        poses = np.concatenate([generation.poses[:stay], poses])
+        return dc.replace(generation, poses=poses[order], fitness=fitness[order])
+
+    def check_size(self, generation: Generation) -> None:
+        """Checks that a population has the parameters' size.
+
+        Raises:
+            ValueError: When it has another.
+        """
         expected = (self.parameters.population_size, 6)
         if np.shape(generation.poses) != expected:
             raise ValueError(f"poses must have shape {expected}, not {np.shape(generation.poses)}")
-        gains = generation.gains
-        rng, scene = self._rng(frame), self.matcher.scene(images, gains)
-        center = None if generation.covariance is None else generation.best
-        for _ in range(self.generations_per_frame):
-            candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
-            if proposals is not None:
-                candidates, proposals = np.concatenate([candidates, proposals]), None
-            generation, center = self._select(candidates, scene, gains), None
-        return self._finish(generation, images)
+
+    def with_start(self, start: Start) -> OneStepGaTracker:
+        """The same with another first population."""
+        return dc.replace(self, start=start)
 
     def refine(self, generation: Generation, images: Images) -> Generation:
         """Puts the refined best pose first, where there is one.
@@ -265,7 +236,10 @@ class OneStepGaTracker:
             generation: A population scored on these images.
             images: One a camera, uint8, shape (height, width, 3 or 4).
         """
-        refined = self.refiner.refine(generation.best, images, gains=generation.gains)
+        return self._refine(generation, self.matcher.scene(images, generation.gains))
+
+    def _refine(self, generation: Generation, scene: Scene) -> Generation:
+        refined = self.refiner.refine_scene(generation.best, scene)
         if not refined.converged:
             return generation
         return dc.replace(
@@ -273,23 +247,24 @@ class OneStepGaTracker:
             poses=np.concatenate([refined.pose[None], generation.poses[:-1]]),
             fitness=np.concatenate([[refined.fitness], generation.fitness[:-1]]),
             covariance=refined.covariance,
+            state=TrackingState.TRACKING,
         )
 
-    def _finish(self, generation: Generation, images: Images) -> Generation:
+    def _finish(self, generation: Generation, images: Images, scene: Scene) -> Generation:
         """Refines the best pose, and adapts the white balance where it is sure."""
-        generation, gains = self.refine(generation, images), generation.gains
+        generation, gains = self._refine(generation, scene), generation.gains
         if generation.covariance is not None or generation.fitness[0] > self.sure_fitness:
             gains = self.white_balance.adapt(gains, generation.best, images, self.matcher)
-        # Mostly they stay.
-        return generation if gains is generation.gains else dc.replace(generation, gains=gains)
+            return dc.replace(generation, gains=gains, state=TrackingState.TRACKING)
+        return dc.replace(generation, state=TrackingState.SEARCHING)
 
-    def _select(self, candidates: Array, scene: Scene, gains: Gains) -> Generation:
+    def _select(self, candidates: Array, scene: Scene, last: Generation) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""
         fitness = self.matcher.score(candidates, scene)
         # A stable order makes equals keep their places: the center first, survivors last.
         order = np.argsort(-fitness, kind="stable")[: self.parameters.population_size]
-        return Generation(candidates[order], fitness[order], None, gains)
+        return dc.replace(last, poses=candidates[order], fitness=fitness[order], covariance=None)
 
-    def _rng(self, frame: int) -> np.random.Generator:
+    def rng(self, frame: int) -> np.random.Generator:
         """A counter-based generator: its only state is the seed and the frame's number."""
         return np.random.Generator(np.random.Philox(key=[self.seed, frame]))

@@ -8,15 +8,22 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mffdrake.recognition.acquisition import AcquisitionParameters, NoAcquisition
 from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.colors import ColorModel
 from mffdrake.recognition.genetic import GeneCoding, GeneticParameters
 from mffdrake.recognition.local_moves import LocalMoveParameters
 from mffdrake.recognition.matching import Matcher, MatchingParameters
 from mffdrake.recognition.parameters import Count, NonNegative, OneOf, parameters
-from mffdrake.recognition.refinement import NoRefinement, RefinementParameters
+from mffdrake.recognition.refinement import (
+    BorderRefiner,
+    NoRefinement,
+    RefinementParameters,
+)
+from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.solid_model import SamplingParameters, SearchModel, SolidModel
-from mffdrake.recognition.tracker import NearStart, OneStepGaTracker, RandomStart, Start
+from mffdrake.recognition.starts import NearStart, RandomStart, Start
+from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.white_balance import AdaptiveWhiteBalance, FixedWhiteBalance
 
 __all__ = ["TrackerParameters"]
@@ -30,6 +37,9 @@ class TrackerParameters(GeneticParameters, GeneCoding):
         generations_per_frame: Generations on one frame's images; the paper's 1.
         refinement: "none" (the paper's), or "borders": every frame's pose is refined to parts of a
             pixel, see `BorderRefiner`; with parameters of its own: ``!Borders {window: 8}``.
+        acquisition: Where poses are refined: "blobs": the target is searched for where the images
+            show its colors, and poses are judged, see `RobustTracker`; with parameters of its own:
+            ``!Blobs {found: 0.5}``. Or "none": the GA alone.
         white_balance_rate: Greatest relative change a frame by which the color channels' gains
             follow the light while tracking is sure, see `AdaptiveWhiteBalance`; 0 for fixed ones.
         start: First population: "random" over the range, or "near_target" (as the paper's).
@@ -52,6 +62,9 @@ class TrackerParameters(GeneticParameters, GeneCoding):
     refinement: Annotated[NoRefinement | RefinementParameters, OneOf()] = dc.field(
         default_factory=NoRefinement
     )
+    acquisition: Annotated[NoAcquisition | AcquisitionParameters, OneOf()] = dc.field(
+        default_factory=AcquisitionParameters
+    )
     white_balance_rate: NonNegative = 0.0
     start: Literal["random", "near_target"] = "random"
     start_spread: tuple[NonNegative, NonNegative] = NearStart.spread
@@ -67,7 +80,7 @@ class TrackerParameters(GeneticParameters, GeneCoding):
         seed: int = 0,
         start_pose: NDArray[np.float64] | None = None,
         colors: ColorModel | None = None,
-    ) -> OneStepGaTracker:
+    ) -> OneStepGaTracker | RobustTracker:
         """The tracker.
 
         Args:
@@ -94,7 +107,7 @@ class TrackerParameters(GeneticParameters, GeneCoding):
         """
         matcher = Matcher(SearchModel(solid, self.sampling), rig, self.matching, colors)
         rate = self.white_balance_rate
-        return OneStepGaTracker(
+        ga = OneStepGaTracker(
             matcher=matcher,
             coding=self,
             parameters=self,
@@ -105,6 +118,11 @@ class TrackerParameters(GeneticParameters, GeneCoding):
             white_balance=AdaptiveWhiteBalance(rate) if rate > 0.0 else FixedWhiteBalance(),
             seed=seed,
         )
+        if isinstance(ga.refiner, BorderRefiner) and isinstance(
+            self.acquisition, AcquisitionParameters
+        ):
+            return RobustTracker(ga=ga, parameters=self.acquisition)
+        return ga
 
     def _make_start(self, pose: NDArray[np.float64] | None) -> Start:
         if self.start == "random":

@@ -22,7 +22,8 @@ def ConnectFeedforward(
     """Closes the loop of a recognizer and a predictor, once it is sure that they fit.
 
     The hypotheses go from ``population`` through the predictor to ``predicted_population``;
-    ``frame_time`` tells the predictor which frame they are of. A ``target_velocity`` is left to the
+    ``frame_time`` tells the predictor which frame they are of, and ``X_WC`` the recognizer where its
+    camera was. A ``target_velocity`` is left to the
     caller.
 
     Args:
@@ -69,6 +70,6 @@ def ConnectFeedforward(
             )
     for name in ("population", "frame_time"):
         builder.Connect(recognizer.GetOutputPort(name), predictor.GetInputPort(name))
-    predicted = "predicted_population"
-    builder.Connect(predictor.GetOutputPort(predicted), recognizer.GetInputPort(predicted))
+    for name in ("predicted_population", "X_WC"):
+        builder.Connect(predictor.GetOutputPort(name), recognizer.GetInputPort(name))
     builder.Connect(estimated_state, predictor.GetInputPort("estimated_state"))

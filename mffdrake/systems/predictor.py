@@ -44,6 +44,7 @@ class MffPredictor(LeafSystem):
         output_ports:
         - predicted_population
         - camera_displacement
+        - X_WC
         - pose_rate
 
     Between two frames the hand moves, so every hypothesis of the last frame is stale. The joints
@@ -77,6 +78,8 @@ class MffPredictor(LeafSystem):
         predicted_population: The same hypotheses in the present frame, shape (6 N,).
         camera_displacement: X_DC as a RigidTransform: the last frame's camera C in the present
             frame's camera D.
+        X_WC: The camera's pose in the world at the present frame's exposure, as a RigidTransform;
+            at the present time until two exposures are known.
         pose_rate: Eq. (10) for the first hypothesis with the present joints [m/s, 1/s], shape (6,).
 
     Args:
@@ -148,15 +151,22 @@ class MffPredictor(LeafSystem):
         self.DeclareVectorOutputPort(
             "predicted_population", 6 * num_hypotheses, Weakly(self._CalcPredictedPopulation)
         )
+        from_samples = {
+            self.time_ticket(),
+            self._state.ticket(),
+            self.discrete_state_ticket(self._samples),
+        }
         self.DeclareAbstractOutputPort(
             "camera_displacement",
             lambda: AbstractValue.Make(RigidTransform()),
             Weakly(self._CalcCameraDisplacement),
-            {
-                self.time_ticket(),
-                self._state.ticket(),
-                self.discrete_state_ticket(self._samples),
-            },
+            from_samples,
+        )
+        self.DeclareAbstractOutputPort(
+            "X_WC",
+            lambda: AbstractValue.Make(RigidTransform()),
+            Weakly(self._CalcCameraPose),
+            from_samples,
         )
         self.DeclareVectorOutputPort("pose_rate", 6, Weakly(self._CalcPoseRate))
 
@@ -273,6 +283,11 @@ class MffPredictor(LeafSystem):
             return
         X_WC, X_WD = self._CameraPose(last[1:]), self._CameraPose(present[1:])
         output.set_value(X_WD.InvertAndCompose(X_WC))
+
+    def _CalcCameraPose(self, context: Context, output: AbstractValue) -> None:
+        present = self._LastTwo(context)[1]
+        state = self._state.Eval(context) if math.isnan(present[0]) else present[1:]
+        output.set_value(self._CameraPose(state))
 
     def _CalcPoseRate(self, context: Context, output: BasicVector) -> None:
         first = self._population.Eval(context)[:6]

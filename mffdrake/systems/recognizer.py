@@ -12,9 +12,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from mffdrake.recognition import Generation, OneStepGaTracker, Tracker
+from mffdrake.recognition import Generation, OneStepGaTracker, Tracker, TrackingState
 from mffdrake.recognition.matching import NO_GAINS
 from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.pose_filter import NUM_NUMBERS, PoseFilter
 from mffdrake.systems._callbacks import Weakly
 from mffdrake.systems.timing import Timing
 
@@ -33,6 +34,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         - color_image_right
         - color_image_left
         - predicted_population (optional)
+        - X_WC (optional)
         output_ports:
         - pose
         - X_CM
@@ -41,6 +43,10 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         - population_fitness
         - frame_time
         - pose_covariance
+        - state
+        - confidence
+        - is_tracking
+        - X_WM
 
     At every frame (each ``timing.vision_period``, from time 0) it reads the images and takes one
     step of its tracker. Its hypotheses come from ``predicted_population`` where that is connected
@@ -49,13 +55,16 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
     the time.
 
     All of its state is numeric and discrete: the number of frames so far, the last one's time,
-    poses, fitness, covariance and white balance. Outputs depend on the state alone, so the loop
+    poses, fitness, covariance, white balance, what is thought of the pose and what is known of the
+    target's own motion; and the cameras' pose. Outputs depend on the state alone, so the loop
     through a predictor is none.
 
     Ports:
         color_image_right, color_image_left: ImageRgba8U of these cameras. They are those of
             `CameraRig.stereo`; in general there is one port for each camera of the tracker's rig.
         predicted_population: The N hypotheses carried to the present frame, shape (6 N,).
+        X_WC: The rig's pose in the world at the present frame's exposure, as a RigidTransform;
+            `MffPredictor` knows it.
         pose: Recognized pose vector ``(r [m], eps)`` in frame C, shape (6,). Before the first frame
             it is the tracker's ``initial_pose``.
         X_CM: The same as a RigidTransform.
@@ -65,7 +74,13 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         population_fitness: Their fitness, shape (N,).
         frame_time: Time of the last frame [s]; before the first one NaN.
         pose_covariance: Covariance of the error of ``pose``, 6 x 6 row by row, shape (36,). NaN
-            where the tracker does not tell it.
+            where the tracker does not tell it; so it is where the state is not tracking.
+        state: What the tracker says of the pose, a number of `TrackingState`, shape (1,).
+        confidence: Probability that the pose is right to 5 mm and 1 deg, shape (1,); NaN where the
+            tracker does not tell it.
+        is_tracking: 1 where the state is tracking, else 0, shape (1,).
+        X_WM: The recognized pose in the world as a RigidTransform, where ``X_WC`` is connected; an
+            error before the first frame.
 
     Args:
         tracker: The pose estimator, with all of its parameters; see `Tracker`.
@@ -102,6 +117,9 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             for name in tracker.rig.names
         ]
         self._predicted = self.DeclareVectorInputPort("predicted_population", 6 * n)
+        self._camera_pose = self.DeclareAbstractInputPort(
+            "X_WC", AbstractValue.Make(RigidTransform())
+        )
 
         self._num_frames = self.DeclareDiscreteState(1)
         self._frame_time = self.DeclareDiscreteState([math.nan])
@@ -109,6 +127,9 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._fitness = self.DeclareDiscreteState(n)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
+        self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0])
+        self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
+        self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
@@ -125,6 +146,16 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self.DeclareStateOutputPort("population_fitness", self._fitness)
         self.DeclareStateOutputPort("frame_time", self._frame_time)
         self.DeclareStateOutputPort("pose_covariance", self._covariance)
+        from_verdict = {self.discrete_state_ticket(self._verdict)}
+        self.DeclareVectorOutputPort("state", 1, Weakly(self._CalcState), from_verdict)
+        self.DeclareVectorOutputPort("confidence", 1, Weakly(self._CalcConfidence), from_verdict)
+        self.DeclareVectorOutputPort("is_tracking", 1, Weakly(self._CalcIsTracking), from_verdict)
+        self.DeclareAbstractOutputPort(
+            "X_WM",
+            lambda: AbstractValue.Make(RigidTransform()),
+            Weakly(self._CalcWorldTransform),
+            from_poses | {self.discrete_state_ticket(self._exposed_pose)},
+        )
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._UpdateOnVisionTick
@@ -157,13 +188,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             generation = self._tracker.start_population(images, frame=frame)
             _CheckGeneration(generation, self._tracker, "start_population")
         else:
-            # Copies: a tracker may write on what it is given, but not on the Context.
-            fitness = context.get_discrete_state(self._fitness).value().copy()
-            covariance = context.get_discrete_state(self._covariance).value().copy()
-            refined = None if math.isnan(covariance[0]) else covariance.reshape(6, 6)
-            red, green, blue = context.get_discrete_state(self._gains).value().tolist()
-            last = Generation(self._CarriedPoses(context), fitness, refined, (red, green, blue))
-            generation = self._tracker.track(last, images, frame=frame)
+            generation = self._tracker.track(self._LastGeneration(context), images, frame=frame)
             _CheckGeneration(generation, self._tracker, "track")
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
@@ -174,6 +199,38 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             covariance = generation.covariance.reshape(36)
         discrete_state.set_value(self._covariance, covariance)
         discrete_state.set_value(self._gains, generation.gains)
+        verdict = [generation.state, generation.confidence, generation.unseen]
+        discrete_state.set_value(self._verdict, verdict)
+        motion = generation.motion
+        numbers = np.full(NUM_NUMBERS, math.nan) if motion is None else motion.numbers
+        discrete_state.set_value(self._motion, numbers)
+        if self._camera_pose.HasValue(context):
+            X_WC = self._camera_pose.Eval(context)
+            discrete_state.set_value(self._exposed_pose, X_WC.GetAsMatrix34().reshape(-1))
+
+    def _LastGeneration(self, context: Context) -> Generation:
+        """The last frame's result, carried to the present one.
+
+        All copies: a tracker may write on what it is given, but not on the Context.
+        """
+
+        def numbers(index) -> NDArray[np.float64]:
+            return context.get_discrete_state(index).value().copy()
+
+        poses, covariance = self._CarriedPoses(context), numbers(self._covariance)
+        red, green, blue = numbers(self._gains).tolist()
+        state, confidence, unseen = numbers(self._verdict).tolist()
+        motion = numbers(self._motion)
+        return Generation(
+            poses,
+            numbers(self._fitness),
+            None if math.isnan(covariance[0]) else covariance.reshape(6, 6),
+            (red, green, blue),
+            TrackingState(int(state)),
+            confidence,
+            int(unseen),
+            None if math.isnan(motion[0]) else PoseFilter.of_numbers(poses[0], motion),
+        )
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
         """The last frame's hypotheses: predicted where a predictor is connected."""
@@ -197,6 +254,28 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
         output.set_value(RigidTransform(RotationMatrix(R), p))
 
+    def _CalcWorldTransform(self, context: Context, output: AbstractValue) -> None:
+        X_WC = context.get_discrete_state(self._exposed_pose).value()
+        if math.isnan(X_WC[0]):
+            raise RuntimeError(
+                f"{self.get_name() or type(self).__name__}: X_WM is known from the first frame on "
+                "at which input port 'X_WC' was connected; connect it to MffPredictor's X_WC"
+            )
+        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
+        output.set_value(
+            RigidTransform(X_WC.reshape(3, 4)) @ RigidTransform(RotationMatrix(R), p)
+        )
+
+    def _CalcState(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._verdict).value()[:1])
+
+    def _CalcConfidence(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._verdict).value()[1:2])
+
+    def _CalcIsTracking(self, context: Context, output: BasicVector) -> None:
+        state = context.get_discrete_state(self._verdict).value()[0]
+        output.SetFromVector([float(state == TrackingState.TRACKING)])
+
     def _CalcFitness(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])
 
@@ -211,6 +290,7 @@ class OneStepGaRecognizer(PoseRecognizer[OneStepGaTracker]):
         - color_image_right
         - color_image_left
         - predicted_population (optional)
+        - X_WC (optional)
         output_ports:
         - pose
         - X_CM
@@ -219,6 +299,10 @@ class OneStepGaRecognizer(PoseRecognizer[OneStepGaTracker]):
         - population_fitness
         - frame_time
         - pose_covariance
+        - state
+        - confidence
+        - is_tracking
+        - X_WM
 
     Without ``predicted_population`` it is the plain 1-step GA. Before the first frame ``pose`` is
     the center of the search range, and ``pose_covariance`` is NaN where the pose is not refined, as

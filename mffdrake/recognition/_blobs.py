@@ -1,0 +1,215 @@
+"""Compiled search for blobs of the solid's colors in images (numba). Import only where it runs.
+
+A blob is a connected patch of pixels, of any of the solid's colors or of one of them, on every
+few pixels of an image. It is measured as seen along its own direction: on the plane at distance 1
+that the line of sight through its center meets at a right angle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition._lens import NO_DISTORTION, Lens, View, pixel, pixel_jacobian
+from mffdrake.recognition._looks import add_to_look, finish_look
+from mffdrake.recognition._structs import ColorGate
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int8]
+Blobs = NDArray[np.void]
+
+BLOB = np.dtype(
+    [
+        ("camera", np.int64),
+        ("color", np.int64),  # which of the solid's, or -1 for any
+        ("area", np.float64),  # at distance 1
+        ("x", np.float64),  # its center's direction, in normalized coordinates
+        ("y", np.float64),
+        ("clipped", np.bool_),  # whether it meets the image's border
+    ]
+)
+"""A blob; what it shows of each color stands beside it, see `Found`."""
+
+
+class Grid(NamedTuple):
+    """The pixels of an image that are looked at: every ``step``-th one of every ``step``-th row.
+
+    Attributes:
+        step: How far apart they are [px].
+        x: Their normalized coordinates, shape (height, width) of the grid; NaN beyond the lens.
+        y: The same.
+        area: What each stands for, on the plane of normalized coordinates.
+    """
+
+    step: int
+    x: Array
+    y: Array
+    area: Array
+
+
+class Found(NamedTuple):
+    """What was found.
+
+    Attributes:
+        blobs: The blobs, shape (B,).
+        looks: How each looks along its direction, see `_looks`, shape (B, 3 C + 3).
+    """
+
+    blobs: Blobs
+    looks: Array
+
+
+@njit(cache=True, error_model="numpy")
+def make_grid(lens: Lens, width: int, height: int, step: int) -> Grid:
+    """The grid of a camera."""
+    h, w = height // step, width // step
+    x, y, area = np.empty((h, w)), np.empty((h, w)), np.empty((h, w))
+    for j in range(h):
+        for i in range(w):
+            u, v = i * step + step // 2, j * step + step // 2
+            a, b = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
+            if lens.model != NO_DISTORTION:
+                for _ in range(30):  # Newton's steps
+                    pu, pv = pixel(lens, a, b)
+                    ux, uy, vx, vy = pixel_jacobian(lens, a, b)
+                    det = ux * vy - uy * vx
+                    a += (vy * (u - pu) - uy * (v - pv)) / det
+                    b += (ux * (v - pv) - vx * (u - pu)) / det
+                pu, pv = pixel(lens, a, b)
+                if not (
+                    abs(u - pu) + abs(v - pv) < 0.1 and a * a + b * b <= lens.max_radius_squared
+                ):
+                    a, b = np.nan, np.nan
+            ux, uy, vx, vy = pixel_jacobian(lens, a, b)
+            x[j, i], y[j, i], area[j, i] = a, b, step * step / abs(ux * vy - uy * vx)
+    return Grid(step, x, y, area)
+
+
+@njit(cache=True, error_model="numpy")
+def label_pixels(view: View, grid: Grid, gate: ColorGate, classes: NDArray[np.int8]) -> Labels:
+    """Which of the solid's colors the pixels of a grid show, -1 for none.
+
+    ``classes`` has the number of the color of each bit, -1 where it is none of the solid's.
+    """
+    h, w = grid.x.shape
+    labels = np.empty((h, w), dtype=np.int8)
+    pixels, places, table = view.pixels, gate.places, gate.table
+    first = grid.step // 2
+    for j in range(h):
+        row = (j * grid.step + first) * view.eye.width + first
+        for i in range(w):
+            k = row + i * grid.step
+            shown = table[
+                places[0, pixels[k, 0]] + places[1, pixels[k, 1]] + places[2, pixels[k, 2]]
+            ]
+            label = np.int8(-1)
+            if shown != 0 and grid.x[j, i] == grid.x[j, i]:
+                for bit in range(len(classes)):
+                    if (shown >> np.uint32(bit)) & np.uint32(1) and classes[bit] >= 0:
+                        label = classes[bit]
+                        break
+            labels[j, i] = label
+    return labels
+
+
+@njit(cache=True, error_model="numpy")
+def _flood(
+    labels: Labels, of_one_color: bool, least: int, patch: NDArray[np.int32]
+) -> NDArray[np.int64]:
+    """Numbers the connected patches (8 neighbors), in ``patch``; returns their sizes in pixels.
+
+    Patches of fewer than ``least`` pixels are numbered -1, as pixels of no color are.
+    """
+    h, w = labels.shape
+    stack = np.empty(h * w, dtype=np.int64)
+    sizes = np.empty(h * w // max(1, least) + 1, dtype=np.int64)
+    patch[:] = -1
+    count = 0
+    for start in range(h * w):
+        j, i = start // w, start % w
+        if labels[j, i] < 0 or patch[j, i] != -1:
+            continue
+        # Everything that was reached stays in the stack.
+        stack[0], reached, taken = start, 1, 0
+        patch[j, i] = count
+        while taken < reached:
+            y, x = stack[taken] // w, stack[taken] % w
+            taken += 1
+            for v in range(max(0, y - 1), min(h, y + 2)):
+                for u in range(max(0, x - 1), min(w, x + 2)):
+                    if labels[v, u] < 0 or patch[v, u] != -1:
+                        continue
+                    if of_one_color and labels[v, u] != labels[y, x]:
+                        continue
+                    patch[v, u] = count
+                    stack[reached] = v * w + u
+                    reached += 1
+        if reached >= least:
+            sizes[count] = reached
+            count += 1
+        else:
+            for k in range(reached):
+                patch[stack[k] // w, stack[k] % w] = -2
+    for j in range(h):
+        for i in range(w):
+            if patch[j, i] == -2:
+                patch[j, i] = -1
+    return sizes[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def turn_along(x: float, y: float, axes: Array) -> None:
+    """Fills in a frame whose z is the direction (x, y, 1), turned to it from z the short way."""
+    norm = math.sqrt(x * x + y * y + 1.0)
+    a, b, c = x / norm, y / norm, 1.0 / norm
+    k = 1.0 / (1.0 + c)
+    axes[0, 0], axes[0, 1], axes[0, 2] = 1.0 - k * a * a, -k * a * b, -a
+    axes[1, 0], axes[1, 1], axes[1, 2] = -k * a * b, 1.0 - k * b * b, -b
+    axes[2, 0], axes[2, 1], axes[2, 2] = a, b, c
+
+
+@njit(cache=True, error_model="numpy")
+def find_blobs(
+    labels: Labels, grid: Grid, camera: int, num_colors: int, of_one_color: bool, least: int
+) -> Found:
+    """The blobs in the labels of one view, of at least so many pixels of its grid."""
+    h, w = labels.shape
+    patch = np.empty((h, w), dtype=np.int32)
+    count = len(_flood(labels, of_one_color, least, patch))
+    blobs, looks = np.zeros(count, dtype=BLOB), np.zeros((count, 3 * num_colors + 3))
+    for j in range(h):
+        for i in range(w):
+            n = patch[j, i]
+            if n < 0:
+                continue
+            blob = blobs[n]
+            blob.camera, blob.color = camera, labels[j, i] if of_one_color else -1
+            blob.area += grid.area[j, i]
+            blob.x += grid.area[j, i] * grid.x[j, i]
+            blob.y += grid.area[j, i] * grid.y[j, i]
+            blob.clipped = blob.clipped or j == 0 or i == 0 or j == h - 1 or i == w - 1
+    axes = np.empty((count, 3, 3))
+    for n in range(count):
+        blobs[n].x /= blobs[n].area
+        blobs[n].y /= blobs[n].area
+        blobs[n].area = 0.0
+        turn_along(blobs[n].x, blobs[n].y, axes[n])
+    for j in range(h):
+        for i in range(w):
+            n = patch[j, i]
+            if n < 0:
+                continue
+            a, x, y = axes[n], grid.x[j, i], grid.y[j, i]
+            depth = a[2, 0] * x + a[2, 1] * y + a[2, 2]
+            p = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) / depth
+            q = (a[1, 0] * x + a[1, 1] * y + a[1, 2]) / depth
+            area = grid.area[j, i] / (depth * depth * depth)
+            blobs[n].area += area
+            add_to_look(looks[n], labels[j, i], num_colors, area, p, q, 0.0, 0.0, 0.0)
+    for n in range(count):
+        finish_look(looks[n], num_colors)
+    return Found(blobs, looks)

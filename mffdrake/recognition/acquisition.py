@@ -1,0 +1,254 @@
+"""Finds a solid in images from nothing: proposals, and wide steps from the best of them."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, MinLen
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.genetic import SearchRange
+from mffdrake.recognition.matching import Matcher
+from mffdrake.recognition.parameters import Count, Share, parameters
+from mffdrake.recognition.proposals import Proposals, Proposer
+from mffdrake.recognition.refinement import BorderRefiner
+from mffdrake.recognition.solid_model import SamplingParameters, SearchModel
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._borders import BorderRules, Stage
+    from mffdrake.recognition._structs import Scene
+
+Array = NDArray[np.float64]
+
+_COARSE = SamplingParameters(spacing=0.15, margin=0.015, strip_offsets=(0.015, 0.055), min_cells=2)
+"""Of a solid of size 1: the proposals' scores need not tell millimeters."""
+_APART = 0.075  # of the solid's size, and
+_TURNED = math.radians(15.0)  # poses nearer than both are the same, before the steps;
+_CLOSE = 0.5  # after the first steps, so much less is enough to be another.
+
+
+@parameters
+class AcquisitionParameters:
+    """How a target is searched for, and when it is believed to be found.
+
+    Attributes:
+        proposals: So many poses a frame are proposed where the images show the solid's colors.
+        tried: From so many of them, distinct ones, steps toward the borders are taken ...
+        drawn: ... of which so many are the best of a blob drawn at random each, the others the
+            best of all.
+        windows: How far borders are sought in the steps, one step each and two at last [px].
+        early: After so many steps ...
+        kept: ... so many go on, those that match best by then.
+        found: Least share of explained borders (0 to 1) of a pose that is found.
+        lost: Below this share of explained borders, a pose that was tracked is not seen any more.
+        sure: Below this share, the search goes on beside the tracking.
+        margin: Another pose that explains at least so much more (0 to 1) takes the place of the
+            tracked one; one that explains nearly as much makes it ambiguous.
+        patience: For so many frames the pose is predicted before it counts as lost.
+        least_rows: A pose explains at most what it would if so many borders were sought.
+        tolerance: How far from an edge a border lies at most that the edge explains [px].
+
+    Raises:
+        ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> AcquisitionParameters(tried=8, drawn=4).found
+        0.4
+    """
+
+    kind: ClassVar[str] = "blobs"
+
+    proposals: Count = 150
+    tried: Count = 20
+    drawn: Annotated[int, Ge(0)] = 10
+    windows: Annotated[tuple[Count, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
+    early: Annotated[int, Ge(0)] = 2
+    kept: Count = 5
+    found: Share = 0.40
+    lost: Share = 0.35
+    sure: Share = 0.70
+    margin: Share = 0.05
+    patience: Count = 15
+    least_rows: Count = 30
+    tolerance: Annotated[float, Ge(0.1)] = 1.0
+
+
+@parameters
+class NoAcquisition:
+    """Leaves the search to the GA, and the judgement to whoever reads the fitness."""
+
+    kind: ClassVar[str] = "none"
+
+
+class Candidate(NamedTuple):
+    """A pose that may be the target's.
+
+    Attributes:
+        pose: Pose vector, shape (6,).
+        explained: Share of its borders that the images show.
+    """
+
+    pose: Array
+    explained: float
+
+
+@dataclass(frozen=True, eq=False)
+class Acquisition:
+    """Searches images for a solid.
+
+    *Steps.* A step of the `BorderRefiner` moves a pose until its edges lie where the images show
+    borders. With wide windows (32 px) it comes from some centimeters and tens of degrees.
+
+    *Explained.* The pose that is right is the one whose edges the images show: the share of the
+    places along its visible edges where a border of the right colors lies within a pixel. A pose
+    that only covers the right pixels has few. What is out of view does not count; what is hidden
+    cannot be told from what is wrong.
+
+    Args:
+        refiner: Its rules tell what a border is; its matcher has the solid, its colors and the
+            cameras.
+        search_range: Where proposals lie.
+        parameters: How it searches.
+    """
+
+    refiner: BorderRefiner
+    search_range: SearchRange
+    parameters: AcquisitionParameters
+
+    @property
+    def matcher(self) -> Matcher:
+        """The solid, its colors and the cameras."""
+        return self.refiner.matcher
+
+    def search(
+        self, scene: Scene, known: ArrayLike, frame: int, rng: np.random.Generator
+    ) -> list[Candidate]:
+        """The best distinct poses after steps.
+
+        Args:
+            scene: The images, see `Matcher.scene`.
+            known: Pose vectors that are tried, too, shape (K, 6).
+            frame: Number of the frame.
+            rng: Source of randomness.
+
+        Returns:
+            Them, the one that explains most first; none where nothing is to be seen.
+        """
+        p = self.parameters
+        proposed = self._proposer.propose(scene, p.proposals, frame * p.proposals, rng)
+        known = np.asarray(known, dtype=float).reshape(-1, 6)
+        proposed = Proposals(
+            np.concatenate([proposed.poses, known]),
+            np.concatenate([proposed.origins, np.full(len(known), -1)]),
+            proposed.sources,
+        )
+        tried = self._pick(proposed, scene, p.tried, p.drawn, 1.0, rng)
+        near = self._approach(tried, scene, self._stages[: p.early])
+        nowhere = np.full(len(near), -1)
+        near = self._pick(
+            Proposals(near, nowhere, proposed.sources[:0]), scene, p.kept, 0, _CLOSE, rng
+        )
+        return self._judged(self._approach(near, scene, self._stages[p.early :]), scene)
+
+    def approach(self, starts: ArrayLike, scene: Scene) -> list[Candidate]:
+        """Poses after all steps.
+
+        Args:
+            starts: Pose vectors, shape (K, 6).
+            scene: The images.
+
+        Returns:
+            Those that found borders, the one that explains most first.
+        """
+        starts = np.array(starts, dtype=float).reshape(-1, 6)
+        return self._judged(self._approach(starts, scene, self._stages), scene)
+
+    def explained(self, pose: ArrayLike, scene: Scene) -> float:
+        """Share of a pose's borders that the images show (0 to 1).
+
+        Args:
+            pose: Pose vector, shape (6,).
+            scene: The images.
+        """
+        from mffdrake.recognition import _borders  # numba: slow to import
+
+        p = self.parameters
+        look = _borders.Stage(math.ceil(p.tolerance) + 2, 4, 0)
+        counts = _borders.count_explained(
+            np.array(pose, dtype=float), scene, self.refiner.rules, look, float(p.tolerance)
+        )
+        shown, sought = counts.sum(axis=0).tolist()
+        return float(shown / max(sought, p.least_rows))
+
+    def _judged(self, poses: Array, scene: Scene) -> list[Candidate]:
+        found = [Candidate(pose, self.explained(pose, scene)) for pose in poses]
+        return sorted(found, key=lambda candidate: -candidate.explained)
+
+    def _pick(
+        self,
+        proposed: Proposals,
+        scene: Scene,
+        count: int,
+        num_drawn: int,
+        apart: float,
+        rng: np.random.Generator,
+    ) -> Array:
+        """The best distinct ones, coarsely matched."""
+        from mffdrake.recognition import _picking  # numba: slow to import
+
+        picked = _picking.pick_distinct(
+            proposed.poses,
+            self._coarse.score(proposed.poses, scene),
+            proposed.origins,
+            proposed.sources,
+            (count, min(num_drawn, count)),
+            (apart * _APART * self.matcher.solid.size, math.cos(0.5 * apart * _TURNED)),
+            rng,
+        )
+        return proposed.poses[picked]
+
+    def _approach(self, starts: Array, scene: Scene, stages: tuple[Stage, ...]) -> Array:
+        """Poses after some of the steps, those that found borders."""
+        from mffdrake.recognition import _refinement  # numba: slow to import
+
+        if not stages:
+            return starts
+        poses, arrived = _refinement.approach(starts, scene, self._rules, stages)
+        return np.asarray(poses[arrived])
+
+    @cached_property
+    def _rules(self) -> BorderRules:
+        """A step from afar needs more borders than one that is nearly there."""
+        return self.refiner.rules._replace(min_borders=round(1.5 * self.refiner.rules.min_borders))
+
+    @cached_property
+    def _stages(self) -> tuple[Stage, ...]:
+        from mffdrake.recognition._borders import Stage  # numba: slow to import
+
+        windows = self.parameters.windows
+        return tuple(
+            Stage(window, 12 if window > 8 else 8, 2 if k == len(windows) - 1 else 1)
+            for k, window in enumerate(windows)
+        )
+
+    @cached_property
+    def _proposer(self) -> Proposer:
+        return Proposer(self.matcher, self.search_range)
+
+    @cached_property
+    def _coarse(self) -> Matcher:
+        """A matcher with few points and a wide strip."""
+        m, size = self.matcher, self.matcher.solid.size
+        sampling = dc.replace(
+            _COARSE,
+            spacing=_COARSE.spacing * size,
+            margin=(_COARSE.margin or 0.0) * size,
+            strip_offsets=tuple(size * offset for offset in _COARSE.strip_offsets),
+        )
+        rules = dc.replace(m.parameters, min_border_distance=0.0)
+        return Matcher(SearchModel(m.solid, sampling), m.rig, rules, m.colors, m.channel_order)

@@ -1,0 +1,48 @@
+"""What a tracker carries from frame to frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.recognition.matching import NO_GAINS, Gains
+from mffdrake.recognition.pose_filter import PoseFilter
+from mffdrake.recognition.tracking_state import TrackingState
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Generation:
+    """A scored population, best first.
+
+    Attributes:
+        poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
+        fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
+            whatever its fitness.
+        covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
+        gains: White balance for the next frame: what red, green and blue are multiplied with.
+        state: Whether the first pose may be relied on.
+        confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where it is not
+            known.
+        unseen: For how many frames it has not been seen.
+        motion: What is known of the target's own motion; None for nothing.
+    """
+
+    poses: Array
+    fitness: Array
+    covariance: Array | None = None
+    gains: Gains = NO_GAINS
+    state: TrackingState = TrackingState.SEARCHING
+    confidence: float = math.nan
+    unseen: int = 0
+    motion: PoseFilter | None = None
+
+    @property
+    def best(self) -> Array:
+        """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
+        best: Array = self.poses[0]
+        return best

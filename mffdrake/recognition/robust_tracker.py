@@ -1,0 +1,334 @@
+"""The 1-step GA that finds its target at once, knows when it has lost it, and comes back."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, Candidate
+from mffdrake.recognition.cameras import CameraRig
+from mffdrake.recognition.confidence import Evidence, confidence
+from mffdrake.recognition.generation import Generation
+from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
+from mffdrake.recognition.pose import rotation_angle, transform_from_pose
+from mffdrake.recognition.pose_filter import PoseFilter, PoseFilterParameters
+from mffdrake.recognition.pose_motion import transport_pose
+from mffdrake.recognition.refinement import BorderRefiner, Refinement
+from mffdrake.recognition.starts import Start
+from mffdrake.recognition.symmetry import find_look_alikes, turn_about_middle
+from mffdrake.recognition.tracker import OneStepGaTracker
+from mffdrake.recognition.tracking_state import TrackingState
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._structs import Scene
+
+Array = NDArray[np.float64]
+
+_NEAR = 20  # proposals where the target was last seen
+_LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
+_MOST_SPREAD = np.repeat([0.100, 0.30], 3)
+_SAME = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one pose, not two
+_INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
+_AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
+_SEEN = (TrackingState.TRACKING, TrackingState.AMBIGUOUS)
+
+PER_FRAME = PoseFilterParameters(
+    acceleration=0.0003, angular_acceleration=0.0010, speed=0.010, angular_speed=0.10
+)
+"""How a target may move on top of what feedforward tells, with the frame as the unit of time."""
+
+
+class Seen(NamedTuple):
+    """A pose that the images show.
+
+    Attributes:
+        refined: Its refinement, which converged.
+        explained: Share of its borders that they show.
+        ambiguous: Whether they show another pose as well.
+    """
+
+    refined: Refinement
+    explained: float
+    ambiguous: bool = False
+
+    @property
+    def pose(self) -> Array:
+        """Pose vector, shape (6,)."""
+        return self.refined.pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustTracker:
+    """The 1-step GA with an acquisition before it and a judgement behind it.
+
+    *Searching*, it takes one generation of the GA a frame, as ever, and beside it the
+    `Acquisition`'s proposals and steps. A pose that can be refined and explains enough of its
+    borders is found. Where the solid, turned so that its shape comes to lie on itself, matches as
+    well, its pose is ambiguous.
+
+    *Tracking*, it takes one generation around the predicted pose and refines the best individual.
+    Where that fails, the prediction was poor, and wide steps from it are taken. Where it explains
+    little, it searches beside. A `PoseFilter` follows the motion that the target has of its own, on
+    top of the hand's where that is fed forward, and carries all hypotheses along.
+
+    *Not seen*, the pose is predicted for some frames, and counts as lost from then on. Meanwhile it
+    searches where the target may be by now, and everywhere.
+
+    All that it carries from frame to frame is in the `Generation`; see `Tracker`.
+
+    Attributes:
+        ga: The 1-step GA with all of its parameters. Its refiner is a `BorderRefiner`.
+        parameters: How it searches and when it believes.
+        motion: How the target may move by itself, with the frame as the unit of time.
+
+    Raises:
+        TypeError: When the GA's refiner is another one.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> ga = OneStepGaTracker(matcher=matcher, refiner=BorderRefiner(matcher))
+        >>> tracker = RobustTracker(ga=ga)
+        >>> black = 2 * [np.zeros((480, 640, 3), dtype=np.uint8)]
+        >>> tracker.start_population(black).state.name
+        'SEARCHING'
+    """
+
+    ga: OneStepGaTracker
+    parameters: AcquisitionParameters = field(default_factory=AcquisitionParameters)
+    motion: PoseFilterParameters = PER_FRAME
+
+    def __post_init__(self) -> None:
+        """Checks the refiner."""
+        if not isinstance(self.ga.refiner, BorderRefiner):
+            raise TypeError(
+                f"RobustTracker: ga.refiner must be a BorderRefiner, not a "
+                f"{type(self.ga.refiner).__name__}; without refinement, use the OneStepGaTracker"
+            )
+
+    @property
+    def matcher(self) -> Matcher:
+        """The solid, its colors and the cameras."""
+        return self.ga.matcher
+
+    @property
+    def rig(self) -> CameraRig:
+        """The cameras."""
+        return self.ga.rig
+
+    @property
+    def num_hypotheses(self) -> int:
+        """Number of hypotheses: the population's size."""
+        return self.ga.num_hypotheses
+
+    @property
+    def initial_pose(self) -> Array:
+        """The center of the search range, shape (6,)."""
+        return self.ga.initial_pose
+
+    def with_start(self, start: Start) -> RobustTracker:
+        """The same with another first population."""
+        return dc.replace(self, ga=self.ga.with_start(start))
+
+    def start_population(
+        self, images: Images, *, frame: int = 0, gains: Gains = NO_GAINS
+    ) -> Generation:
+        """Takes the first frame.
+
+        Args:
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            frame: Number of the frame, which the random numbers depend on.
+            gains: White balance.
+
+        Returns:
+            The population, with the target's pose first where it is found.
+        """
+        scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
+        return self._search(self.ga.draw(scene, gains, rng), images, scene, frame, rng)
+
+    def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
+        """Advances by one frame.
+
+        Args:
+            generation: The last frame's result, its poses carried to this frame (Eq. (23)) or,
+                without motion feedforward, as they were.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            frame: Number of the frame, which the random numbers depend on.
+
+        Returns:
+            The population, the recognized pose first, and what is to be thought of it.
+
+        Raises:
+            ValueError: When the population's size is not the parameters'.
+        """
+        self.ga.check_size(generation)
+        scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
+        generation = self._moved(generation)
+        if generation.state in _SEEN:
+            return self._follow(generation, images, scene, frame, rng)
+        if generation.state != TrackingState.PREDICTED:
+            generation = self.ga.breed(generation, scene, rng)
+        return self._search(generation, images, scene, frame, rng)
+
+    def _moved(self, generation: Generation) -> Generation:
+        """All hypotheses, carried along with the target's own motion."""
+        if generation.motion is None:
+            return generation
+        now = generation.motion.carried(generation.best)
+        later = now.predict(1.0, self.motion, unrest=max(1.0, now.surprise))
+        (R, p), (R_later, p_later) = transform_from_pose(now.pose), transform_from_pose(later.pose)
+        turn = R_later @ R.T
+        poses = transport_pose(generation.poses, turn, p_later - turn @ p)
+        return dc.replace(generation, poses=poses, motion=later)
+
+    def _follow(
+        self,
+        generation: Generation,
+        images: Images,
+        scene: Scene,
+        frame: int,
+        rng: np.random.Generator,
+    ) -> Generation:
+        """Takes a frame near the predicted pose."""
+        p = self.parameters
+        bred = self.ga.breed(generation, scene, rng, center=generation.best)
+        seen = self._look_near(bred.best, generation.best, scene)
+        if seen is None:
+            return self._search(generation, images, scene, frame, rng)
+        if seen.explained < p.sure or generation.state == TrackingState.AMBIGUOUS:
+            other, _ = self._find(bred, scene, frame, rng)
+            tracked = generation.state == TrackingState.TRACKING
+            if other is not None and not self._same(other.pose, seen.pose):
+                better = other.explained - seen.explained
+                if better > p.margin * (_INSIST if tracked else 1.0):
+                    seen = other
+                elif better > -p.margin:
+                    seen = seen._replace(ambiguous=True)
+            elif not tracked:
+                seen = self._resolve(seen, scene)
+        return self._took(bred, seen, images)
+
+    def _look_near(self, bred: Array, predicted: Array, scene: Scene) -> Seen | None:
+        """What the images show near two poses, with wide steps only where narrow ones fail."""
+        for start in (bred, predicted):
+            seen = self._refine(start, scene, self.parameters.lost)
+            if seen is not None:
+                return seen
+        steps = self._acquisition.approach(np.stack([predicted, bred]), scene)
+        for candidate in steps[:1]:
+            return self._refine(candidate.pose, scene, self.parameters.lost)
+        return None
+
+    def _refine(self, pose: ArrayLike, scene: Scene, least: float) -> Seen | None:
+        """A pose refined, if the images show it."""
+        refined = self._refiner.refine_scene(pose, scene)
+        if not refined.converged:
+            return None
+        explained = self._acquisition.explained(refined.pose, scene)
+        return Seen(refined, explained) if explained >= least else None
+
+    def _search(
+        self,
+        generation: Generation,
+        images: Images,
+        scene: Scene,
+        frame: int,
+        rng: np.random.Generator,
+    ) -> Generation:
+        """Takes a frame on which the pose is not known, or only by prediction."""
+        seen, candidates = self._find(generation, scene, frame, rng)
+        if seen is not None:
+            return self._took(dc.replace(generation, motion=None), seen, images)
+        state, unseen = TrackingState.SEARCHING, 0
+        if generation.motion is not None:  # It was seen before.
+            unseen = generation.unseen + 1
+            lost = unseen > self.parameters.patience
+            state = TrackingState.LOST if lost else TrackingState.PREDICTED
+        if state != TrackingState.PREDICTED and candidates:
+            generation = self.ga.join(generation, np.stack([one.pose for one in candidates]), scene)
+        return dc.replace(generation, covariance=None, state=state, unseen=unseen, confidence=0.0)
+
+    def _find(
+        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
+    ) -> tuple[Seen | None, list[Candidate]]:
+        """The pose that explains most, if it is one; and all that were looked at."""
+        p = self.parameters
+        known = generation.poses[:1]
+        if generation.motion is not None and generation.state not in _SEEN:
+            known = np.concatenate([known, self._draw_near(generation, rng)])
+        candidates = self._acquisition.search(scene, known, frame, rng)
+        for candidate in candidates[:1]:
+            if candidate.explained >= 0.5 * p.found:
+                seen = self._refine(candidate.pose, scene, p.found)
+                if seen is not None:
+                    return self._resolve(seen, scene), candidates
+        return None, candidates
+
+    def _draw_near(self, generation: Generation, rng: np.random.Generator) -> Array:
+        """Poses where the target may be by now, shape (K, 6)."""
+        assert generation.motion is not None
+        std = np.sqrt(np.diag(generation.motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
+        spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
+        near = generation.best + spread * rng.standard_normal((_NEAR, 6))
+        near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
+        return near
+
+    def _resolve(self, seen: Seen, scene: Scene) -> Seen:
+        """Of the poses in which the solid's shape looks the same, the one whose colors fit best."""
+        turned = turn_about_middle(seen.pose, self.matcher.solid, self._look_alikes)
+        if len(turned) == 0:
+            return seen
+        fitness = self.matcher.score(np.concatenate([seen.pose[None], turned]), scene)
+        best = int(np.argmax(fitness))
+        explained = [seen.explained, *(self._acquisition.explained(q, scene) for q in turned)]
+        if best > 0 and explained[best] >= seen.explained - self.parameters.margin:
+            better = self._refine(turned[best - 1], scene, self.parameters.found)
+            if better is not None:
+                seen = better
+        rivals = np.delete(fitness, best) > fitness[best] - _AS_FIT
+        rivals &= np.delete(explained, best) > explained[best] - self.parameters.margin
+        return seen._replace(ambiguous=bool(rivals.any()))
+
+    def _same(self, pose: Array, other: Array) -> bool:
+        apart, turned = _SAME
+        distance = float(np.linalg.norm(pose[:3] - other[:3]))
+        angle = float(rotation_angle(pose[3:], other[3:]))
+        return distance <= apart * self.matcher.solid.size and angle <= turned
+
+    def _took(self, generation: Generation, seen: Seen, images: Images) -> Generation:
+        """A frame whose images show the pose."""
+        pose, C = seen.pose, seen.refined.covariance
+        motion = generation.motion
+        motion = PoseFilter.of(pose, C, self.motion) if motion is None else motion.update(pose, C)
+        state = TrackingState.AMBIGUOUS if seen.ambiguous else TrackingState.TRACKING
+        gains = generation.gains
+        if state == TrackingState.TRACKING:
+            gains = self.ga.white_balance.adapt(gains, pose, images, self.matcher)
+        return Generation(
+            poses=np.concatenate([pose[None], generation.poses[:-1]]),
+            fitness=np.concatenate([[seen.refined.fitness], generation.fitness[:-1]]),
+            covariance=None if seen.ambiguous else C,
+            gains=gains,
+            state=state,
+            confidence=confidence(Evidence.of(seen.refined, seen.explained, motion.surprise)),
+            motion=motion,
+        )
+
+    @property
+    def _refiner(self) -> BorderRefiner:
+        assert isinstance(self.ga.refiner, BorderRefiner)  # as was checked
+        return self.ga.refiner
+
+    @cached_property
+    def _acquisition(self) -> Acquisition:
+        return Acquisition(self._refiner, self.ga.coding.search_range, self.parameters)
+
+    @cached_property
+    def _look_alikes(self) -> Array:
+        return find_look_alikes(self.matcher.solid)
