@@ -62,11 +62,13 @@ class Scene(NamedTuple):
         views: One a camera.
         solid: The solid.
         gate: Its colors.
+        noise: Standard deviation of the pixels' noise, see `measure_noise`.
     """
 
     views: tuple[View, ...]
     solid: Solid
     gate: ColorGate
+    noise: float
 
 
 class Samples(NamedTuple):

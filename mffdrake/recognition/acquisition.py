@@ -20,7 +20,7 @@ from mffdrake.recognition.refinement import BorderRefiner
 from mffdrake.recognition.solid_model import SamplingParameters, SearchModel
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._borders import BorderRules, Stage
+    from mffdrake.recognition._borders import Stage
     from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -218,13 +218,11 @@ class Acquisition:
 
         if not stages:
             return starts
-        poses, arrived = _refinement.approach(starts, scene, self._rules, stages)
+        rules = self.refiner.rules
+        # A step from afar needs more borders than one that is nearly there.
+        rules = rules._replace(min_borders=round(1.5 * rules.min_borders))
+        poses, arrived = _refinement.approach(starts, scene, rules, stages)
         return np.asarray(poses[arrived])
-
-    @cached_property
-    def _rules(self) -> BorderRules:
-        """A step from afar needs more borders than one that is nearly there."""
-        return self.refiner.rules._replace(min_borders=round(1.5 * self.refiner.rules.min_borders))
 
     @cached_property
     def _stages(self) -> tuple[Stage, ...]:

@@ -172,10 +172,12 @@ class Matcher:
         Raises:
             ValueError: When an image is missing, or has another type or size than its camera's.
         """
-        from mffdrake.recognition._structs import Scene  # numba: slow to import
+        from mffdrake.recognition._lens import measure_noise  # numba: slow to import
+        from mffdrake.recognition._structs import Scene
 
         gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
-        return Scene(self.rig.views(images), self._structs[0], gate)
+        views = self.rig.views(images)
+        return Scene(views, self._structs[0], gate, measure_noise(views))
 
     @property
     def struct(self) -> Solid:

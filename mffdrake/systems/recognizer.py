@@ -262,9 +262,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
                 "at which input port 'X_WC' was connected; connect it to MffPredictor's X_WC"
             )
         R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
-        output.set_value(
-            RigidTransform(X_WC.reshape(3, 4)) @ RigidTransform(RotationMatrix(R), p)
-        )
+        output.set_value(RigidTransform(X_WC.reshape(3, 4)) @ RigidTransform(RotationMatrix(R), p))
 
     def _CalcState(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._verdict).value()[:1])
