@@ -18,7 +18,6 @@ from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.parameters import kind_of
 from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.tracking_state import TrackingState
 
 __all__ = [
     "RIGHT_POSITION",
@@ -46,8 +45,8 @@ RIGHT_POSITION, RIGHT_ROTATION = 0.005, float(np.radians(1.0))
 """A pose no farther off than this [m], [rad] is right."""
 
 TRACKING_SHARES = ("right", "says_so", "false", "missed")
-"""Shares of the frames: whose pose is right, whose state is tracking, and where these differ: a
-state of tracking with a wrong pose, and a right pose in another state."""
+"""Shares of the frames: whose pose is right, which say so (``is_tracking``), and where these
+differ: those that say so of a wrong pose, and those that do not of a right one."""
 
 _PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 
@@ -125,7 +124,7 @@ def IsRight(result: SimulationResult) -> NDArray[np.bool_]:
 
 
 def _TrackingShares(result: SimulationResult) -> dict[str, float]:
-    right, says_so = IsRight(result), result.state == TrackingState.TRACKING
+    right, says_so = IsRight(result), result.is_tracking == 1.0
     frames = (right, says_so, says_so & ~right, right & ~says_so)
     return {
         name: float(np.mean(chosen)) for name, chosen in zip(TRACKING_SHARES, frames, strict=True)

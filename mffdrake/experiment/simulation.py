@@ -39,6 +39,7 @@ class SimulationResult:
         state: What the tracker says of it, a number of `TrackingState`, shape (K,).
         confidence: Probability that it is right to 5 mm and 1 deg, NaN where the tracker does not
             tell it, shape (K,).
+        is_tracking: 1 where the tracker relies on it, else 0, shape (K,).
         desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
         actual_hand_pose: The same of the actual hand, shape (K, 6).
         joint_positions: Arm's n joint angles [rad], shape (K, n).
@@ -56,6 +57,7 @@ class SimulationResult:
     fitness: Array
     state: Array
     confidence: Array
+    is_tracking: Array
     desired_hand_pose: Array
     actual_hand_pose: Array
     joint_positions: Array
@@ -103,7 +105,7 @@ class SimulationResult:
             )
         )
         values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
-        for name in ("state", "confidence"):  # Earlier versions did not record them.
+        for name in ("state", "confidence", "is_tracking"):  # Earlier versions did not record them.
             values.setdefault(name, np.full(len(values["time"]), np.nan))
         return cls(stages_ms=stages, **values)
 
@@ -294,7 +296,7 @@ class _Recorder:
         self._marks.append(time.perf_counter())
         context = self._recognizer_context
         self._rows["recognized_pose"].append(self._recognizer.GetOutputPort("pose").Eval(context))
-        for name in ("fitness", "state", "confidence"):
+        for name in ("fitness", "state", "confidence", "is_tracking"):
             self._rows[name].append(float(self._recognizer.GetOutputPort(name).Eval(context)[0]))
 
     def FinishFrame(self, ticks: int) -> None:

@@ -49,6 +49,8 @@ class AcquisitionParameters:
         sure: Below this share, the search goes on beside the tracking.
         margin: Another pose that explains at least so much more (0 to 1) takes the place of the
             tracked one; one that explains nearly as much makes it ambiguous.
+        believe: From this confidence on, a pose is relied on (``is_tracking``), ...
+        keep: ... until it falls below this one.
         patience: For so many frames the pose is predicted before it counts as lost.
         least_rows: A pose explains at most what it would if so many borders were sought.
         tolerance: How far from an edge a border lies at most that the edge explains [px].
@@ -73,7 +75,9 @@ class AcquisitionParameters:
     lost: Share = 0.35
     sure: Share = 0.70
     margin: Share = 0.05
-    patience: Count = 15
+    believe: Share = 0.9
+    keep: Share = 0.5
+    patience: Count = 30
     least_rows: Count = 30
     tolerance: Annotated[float, Ge(0.1)] = 1.0
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.matching import NO_GAINS, Gains
 from mffdrake.recognition.pose_filter import PoseFilter
+from mffdrake.recognition.pose_motion import transport_pose
 from mffdrake.recognition.tracking_state import TrackingState
 
 Array = NDArray[np.float64]
@@ -28,8 +30,10 @@ class Generation:
         state: Whether the first pose may be relied on.
         confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where it is not
             known.
-        unseen: For how many frames it has not been seen.
+        is_tracking: Whether it is right with enough confidence.
+        unseen: For how many frames it has not been seen, or not where it was expected.
         motion: What is known of the target's own motion; None for nothing.
+        stamps: A number a camera that tells its image from others.
     """
 
     poses: Array
@@ -38,11 +42,23 @@ class Generation:
     gains: Gains = NO_GAINS
     state: TrackingState = TrackingState.SEARCHING
     confidence: float = math.nan
+    is_tracking: bool = False
     unseen: int = 0
     motion: PoseFilter | None = None
+    stamps: tuple[float, ...] = ()
 
     @property
     def best(self) -> Array:
         """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
         best: Array = self.poses[0]
         return best
+
+    def carried(self, R_DC: ArrayLike, p_DC: ArrayLike) -> Generation:
+        """The same, seen from where the cameras are by now, Eq. (23).
+
+        Args:
+            R_DC: The last frame's rig C in the present one's D: its orientation, shape (3, 3).
+            p_DC: Its position [m], shape (3,).
+        """
+        motion = None if self.motion is None else self.motion.carried(R_DC, p_DC)
+        return dc.replace(self, poses=transport_pose(self.poses, R_DC, p_DC), motion=motion)

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.parameters import Positive, parameters
 from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
-from mffdrake.recognition.pose_motion import quaternion_rate_matrix
+from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 
-__all__ = ["NUM_NUMBERS", "PoseFilter", "PoseFilterParameters", "body_covariance"]
+__all__ = ["NUM_NUMBERS", "PoseFilter", "PoseFilterParameters", "body_covariance", "pose_covariance"]
 
-NUM_NUMBERS = 6 + 12 * 12 + 1
-"""How many numbers a filter is, besides its pose."""
+NUM_NUMBERS = 6 + 6 + 12 * 12 + 2
+"""How many numbers a filter is."""
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,8 @@ class PoseFilterParameters:
         angular_acceleration: The same of its angular acceleration [rad/s^2 / sqrt(Hz)].
         speed: Standard deviation of its velocity before anything is known of it [m/s].
         angular_speed: The same of its angular velocity [rad/s].
+        adaptive: Whether accelerations count as stronger for a while where measurements are far
+            from where they were expected, and less so where they are not.
 
     Raises:
         ValueError: When a parameter is not positive.
@@ -44,6 +46,7 @@ class PoseFilterParameters:
     angular_acceleration: Positive = 2.0
     speed: Positive = 0.3
     angular_speed: Positive = 1.0
+    adaptive: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +77,7 @@ class PoseFilter:
     twist: Array
     covariance: Array = field(repr=False)
     surprise: float = 0.0
+    unrest: float = 1.0
 
     @classmethod
     def of(cls, pose: ArrayLike, covariance: ArrayLike, rules: PoseFilterParameters) -> PoseFilter:
@@ -97,13 +101,12 @@ class PoseFilter:
         R = transform_from_pose(self.pose)[0]
         return np.concatenate([R @ self.twist[:3], R @ self.twist[3:]])
 
-    def predict(self, dt: float, rules: PoseFilterParameters, *, unrest: float = 1.0) -> PoseFilter:
+    def predict(self, dt: float, rules: PoseFilterParameters) -> PoseFilter:
         """A time later, with no measurement.
 
         Args:
             dt: The time [s].
             rules: How the target may move.
-            unrest: So many times stronger are its accelerations.
         """
         R, p = transform_from_pose(self.pose)
         v, w = self.twist[:3], self.twist[3:]
@@ -117,7 +120,7 @@ class PoseFilter:
         F[3:6, 9:] = dt * np.eye(3)
         F[6:9, 9:] = dt * skew(later)
         F[9:, 9:] = np.eye(3)
-        density = (unrest * np.repeat([rules.acceleration, rules.angular_acceleration], 3)) ** 2
+        density = (self.unrest * np.repeat([rules.acceleration, rules.angular_acceleration], 3)) ** 2
         Q = np.zeros((12, 12))
         place, speed = np.arange(6), np.arange(6, 12)
         Q[place, place] = density * dt**3 / 3.0
@@ -128,6 +131,7 @@ class PoseFilter:
             np.concatenate([later, w]),
             F @ self.covariance @ F.T + Q,
             self.surprise,
+            self.unrest if rules.adaptive else 1.0,
         )
 
     def update(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
@@ -149,23 +153,50 @@ class PoseFilter:
             pose_from_transform(R @ exp_rotation(change[3:6]), p + R @ change[:3]),
             self.twist + change[6:],
             0.5 * (P + P.T),
-            float(away @ np.linalg.solve(S, away)) / 6.0,
+            surprise := float(away @ np.linalg.solve(S, away)) / 6.0,
+            self._adapted(surprise),
         )
 
-    @property
-    def numbers(self) -> Array:
-        """All but the pose, for who keeps it, shape (`NUM_NUMBERS`,)."""
-        return np.concatenate([self.twist, self.covariance.reshape(-1), [self.surprise]])
+    def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
+        """Without a measurement that is not to be believed, but as restless as it makes.
+
+        Args:
+            pose: Pose vector that was measured, shape (6,).
+            covariance: Covariance of its error, as a `Generation`'s, shape (6, 6).
+        """
+        surprise = self.update(pose, covariance).surprise
+        return dc.replace(self, surprise=surprise, unrest=self._adapted(surprise))
+
+    def _adapted(self, surprise: float) -> float:
+        """Up fast, down slowly; at rest where measurements are as far off as expected."""
+        return max(1.0, self.unrest * min(max(surprise**0.25, 0.9), 4.0))
+
+    def numbers(self, pose: ArrayLike) -> Array:
+        """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).
+
+        Its own pose is told as seen from that pose: so it goes along where that is carried.
+        """
+        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(self.pose)
+        own = pose_from_transform(R.T @ R_own, R.T @ (p_own - p))
+        rest = [self.surprise, self.unrest]
+        return np.concatenate([own, self.twist, self.covariance.reshape(-1), rest])
 
     @classmethod
     def of_numbers(cls, pose: ArrayLike, numbers: ArrayLike) -> PoseFilter:
-        """The filter with a pose and with the `numbers` that were kept."""
+        """The filter whose `numbers` were kept beside a pose vector."""
         n = np.array(numbers, dtype=float)
-        return cls(np.array(pose, dtype=float), n[:6], n[6:-1].reshape(12, 12), float(n[-1]))
+        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(n[:6])
+        own = pose_from_transform(R @ R_own, p + R @ p_own)
+        return cls(own, n[6:12], n[12:-2].reshape(12, 12), float(n[-2]), float(n[-1]))
 
-    def carried(self, pose: ArrayLike) -> PoseFilter:
-        """The same, seen from elsewhere: at another pose vector of shape (6,)."""
-        return dc.replace(self, pose=np.array(pose, dtype=float))
+    def carried(self, R: ArrayLike, p: ArrayLike) -> PoseFilter:
+        """The same, seen from another frame D.
+
+        Args:
+            R: Orientation of the pose's frame C in D, shape (3, 3).
+            p: Its position [m], shape (3,).
+        """
+        return dc.replace(self, pose=transport_pose(self.pose[None], R, p)[0])
 
 
 def body_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
@@ -184,6 +215,24 @@ def body_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
     A[:3, :3] = R.T
     # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6), whose inverse is bounded but at a half turn
     A[3:, 3:] = R.T @ np.linalg.pinv(quaternion_rate_matrix(pose[3:]), rcond=1e-6)
+    return np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
+
+
+def pose_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
+    """The inverse of `body_covariance`.
+
+    Args:
+        pose: Pose vector, shape (6,).
+        covariance: Of position and rotation vector, seen from the target, shape (6, 6) [m, rad].
+
+    Returns:
+        Covariance of the pose vector's error, shape (6, 6).
+    """
+    pose = np.asarray(pose, dtype=float)
+    R = transform_from_pose(pose)[0]
+    A = np.zeros((6, 6))
+    A[:3, :3] = R
+    A[3:, 3:] = quaternion_rate_matrix(pose[3:]) @ R
     return np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
 
 

@@ -16,7 +16,7 @@ from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.genetic import GeneCoding, SearchRange
 from mffdrake.recognition.matching import Images, Matcher
 from mffdrake.recognition.pose import quaternion_scalar, rotation_matrix
-from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
+from mffdrake.recognition.pose_motion import quaternion_rate_matrix
 from mffdrake.recognition.refinement import BorderRefiner
 from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.search import Found, PoseSearch
@@ -42,6 +42,7 @@ class Estimate:
         frame: Number of the frame, from 0.
         state: Whether the pose may be relied on.
         confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where not known.
+        is_tracking: Whether it is right with enough confidence.
 
     Example:
         >>> estimate = Estimate(np.array([0.0, 0.1, 0.8, 0.6, 0.0, 0.0]), 0.9, 0)
@@ -55,16 +56,13 @@ class Estimate:
     covariance: Array = field(default_factory=lambda: np.full((6, 6), math.nan))
     state: TrackingState = TrackingState.SEARCHING
     confidence: float = math.nan
-
-    @property
-    def is_tracking(self) -> bool:
-        """Whether the images show the target at the pose, and at no other."""
-        return self.state == TrackingState.TRACKING
+    is_tracking: bool = False
 
     @property
     def refined(self) -> bool:
-        """Whether the pose is refined."""
-        return bool(np.isfinite(self.covariance).all())
+        """Whether the pose is refined on this frame's images."""
+        seen = self.state == TrackingState.TRACKING
+        return seen and bool(np.isfinite(self.covariance).all())
 
     @property
     def R_CM(self) -> Array:
@@ -244,8 +242,7 @@ class PoseTracker:
                     "X_DC must be a finite transform of shape (3, 4) or (4, 4), not of shape "
                     f"{X.shape}"
                 )
-            poses = transport_pose(generation.poses, X[:3, :3], X[:3, 3])
-            generation = dc.replace(generation, poses=poses)
+            generation = generation.carried(X[:3, :3], X[:3, 3])
         return self._took(self.algorithm.track(generation, images, frame=self._next_frame))
 
     def _took(self, generation: Generation) -> Estimate:
@@ -257,6 +254,7 @@ class PoseTracker:
             frame,
             state=generation.state,
             confidence=generation.confidence,
+            is_tracking=generation.is_tracking,
         )
         if generation.covariance is not None:
             estimate = dc.replace(estimate, covariance=generation.covariance)

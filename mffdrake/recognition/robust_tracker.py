@@ -12,12 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, Candidate
 from mffdrake.recognition.cameras import CameraRig
-from mffdrake.recognition.confidence import Evidence, confidence
+from mffdrake.recognition.confidence import Evidence, confidence, probability_within
 from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.pose import rotation_angle, transform_from_pose
-from mffdrake.recognition.pose_filter import PoseFilter, PoseFilterParameters
-from mffdrake.recognition.pose_motion import transport_pose
+from mffdrake.recognition.pose_filter import (
+    PoseFilter,
+    PoseFilterParameters,
+    body_covariance,
+    pose_covariance,
+)
 from mffdrake.recognition.refinement import BorderRefiner, Refinement
 from mffdrake.recognition.starts import Start
 from mffdrake.recognition.symmetry import find_look_alikes, turn_about_middle
@@ -36,10 +40,13 @@ _SAME = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one 
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
 _AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
 _SEEN = (TrackingState.TRACKING, TrackingState.AMBIGUOUS)
+_STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
+_UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
 
 PER_FRAME = PoseFilterParameters(
-    acceleration=0.0003, angular_acceleration=0.0010, speed=0.010, angular_speed=0.10
-)
+    acceleration=0.0001, angular_acceleration=0.0004, speed=0.010, angular_speed=0.10,
+    adaptive=True,
+)  # fmt: skip
 """How a target may move on top of what feedforward tells, with the frame as the unit of time."""
 
 
@@ -150,7 +157,8 @@ class RobustTracker:
             The population, with the target's pose first where it is found.
         """
         scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
-        return self._search(self.ga.draw(scene, gains, rng), images, scene, frame, rng)
+        first = self._stamped(self.ga.draw(scene, gains, rng), scene)[0]
+        return self._search(first, images, scene, frame, rng)
 
     def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
         """Advances by one frame.
@@ -169,41 +177,62 @@ class RobustTracker:
         """
         self.ga.check_size(generation)
         scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
-        generation = self._moved(generation)
-        if generation.state in _SEEN:
-            return self._follow(generation, images, scene, frame, rng)
-        if generation.state != TrackingState.PREDICTED:
-            generation = self.ga.breed(generation, scene, rng)
+        generation, is_stale = self._stamped(self._moved(generation), scene)
+        if generation.motion is not None and generation.state != TrackingState.LOST:
+            seen, bred = self._look(generation, scene, frame, rng)
+            if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
+                return self._took(bred, seen, images)
+            if is_stale:
+                return self._predicted(generation)
+            return self._search(generation, images, scene, frame, rng)
+        generation = self.ga.breed(generation, scene, rng)
         return self._search(generation, images, scene, frame, rng)
+
+    def _stamped(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:
+        """With the images' stamps, and whether one was there at the last frame."""
+        from mffdrake.recognition._lens import stamp  # numba: slow to import
+
+        stamps = tuple(stamp(view) for view in scene.views)
+        is_stale = any(new == old for new, old in zip(stamps, generation.stamps, strict=False))
+        return dc.replace(generation, stamps=stamps), is_stale
+
+    def _is_elsewhere(self, seen: Seen, generation: Generation) -> bool:
+        """Whether a pose in an image seen before is not where the target should be by now."""
+        assert generation.motion is not None
+        apart, turned = _STALE
+        expected, C = generation.motion.pose, seen.refined.covariance
+        apart = max(apart, 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
+        turned = max(turned, 8.0 * float(np.sqrt(np.trace(C[3:, 3:]))))  # of eps, a half angle
+        return bool(
+            np.linalg.norm(seen.pose[:3] - expected[:3]) > apart
+            or rotation_angle(seen.pose[3:], expected[3:]) > turned
+        )
 
     def _moved(self, generation: Generation) -> Generation:
         """All hypotheses, carried along with the target's own motion."""
         if generation.motion is None:
             return generation
-        now = generation.motion.carried(generation.best)
-        later = now.predict(1.0, self.motion, unrest=max(1.0, now.surprise))
+        now = generation.motion
+        later = now.predict(1.0, self.motion)
         (R, p), (R_later, p_later) = transform_from_pose(now.pose), transform_from_pose(later.pose)
         turn = R_later @ R.T
-        poses = transport_pose(generation.poses, turn, p_later - turn @ p)
-        return dc.replace(generation, poses=poses, motion=later)
+        carried = generation.carried(turn, p_later - turn @ p)
+        return dc.replace(carried, motion=later)
 
-    def _follow(
-        self,
-        generation: Generation,
-        images: Images,
-        scene: Scene,
-        frame: int,
-        rng: np.random.Generator,
-    ) -> Generation:
-        """Takes a frame near the predicted pose."""
+    def _look(
+        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
+    ) -> tuple[Seen | None, Generation]:
+        """What the images show near the predicted pose, and the population bred there."""
         p = self.parameters
-        bred = self.ga.breed(generation, scene, rng, center=generation.best)
-        seen = self._look_near(bred.best, generation.best, scene)
+        assert generation.motion is not None
+        predicted = generation.motion.pose
+        bred = self.ga.breed(generation, scene, rng, center=predicted)
+        seen = self._look_near(bred.best, predicted, scene)
         if seen is None:
-            return self._search(generation, images, scene, frame, rng)
+            return None, bred
         if seen.explained < p.sure or generation.state == TrackingState.AMBIGUOUS:
             other, _ = self._find(bred, scene, frame, rng)
-            tracked = generation.state == TrackingState.TRACKING
+            tracked = generation.is_tracking
             if other is not None and not self._same(other.pose, seen.pose):
                 better = other.explained - seen.explained
                 if better > p.margin * (_INSIST if tracked else 1.0):
@@ -212,7 +241,7 @@ class RobustTracker:
                     seen = seen._replace(ambiguous=True)
             elif not tracked:
                 seen = self._resolve(seen, scene)
-        return self._took(bred, seen, images)
+        return seen, bred
 
     def _look_near(self, bred: Array, predicted: Array, scene: Scene) -> Seen | None:
         """What the images show near two poses, with wide steps only where narrow ones fail."""
@@ -245,14 +274,34 @@ class RobustTracker:
         seen, candidates = self._find(generation, scene, frame, rng)
         if seen is not None:
             return self._took(dc.replace(generation, motion=None), seen, images)
-        state, unseen = TrackingState.SEARCHING, 0
-        if generation.motion is not None:  # It was seen before.
-            unseen = generation.unseen + 1
-            lost = unseen > self.parameters.patience
-            state = TrackingState.LOST if lost else TrackingState.PREDICTED
-        if state != TrackingState.PREDICTED and candidates:
+        if generation.motion is not None and generation.unseen < self.parameters.patience:
+            return self._predicted(generation)
+        if candidates:
             generation = self.ga.join(generation, np.stack([one.pose for one in candidates]), scene)
-        return dc.replace(generation, covariance=None, state=state, unseen=unseen, confidence=0.0)
+        never = generation.motion is None
+        return dc.replace(
+            generation,
+            covariance=None,
+            state=TrackingState.SEARCHING if never else TrackingState.LOST,
+            confidence=0.0,
+            is_tracking=False,
+            unseen=0 if never else generation.unseen + 1,
+        )
+
+    def _predicted(self, generation: Generation) -> Generation:
+        """A frame whose images say nothing: the pose is where it should be by now."""
+        motion = generation.motion
+        assert motion is not None
+        certain = min(generation.confidence, probability_within(motion.covariance[:6, :6]))
+        return dc.replace(
+            generation,
+            poses=np.concatenate([motion.pose[None], generation.poses[:-1]]),
+            covariance=pose_covariance(motion.pose, motion.covariance[:6, :6]),
+            state=TrackingState.PREDICTED,
+            confidence=certain,
+            is_tracking=generation.is_tracking and certain >= self.parameters.keep,
+            unseen=generation.unseen + 1,
+        )
 
     def _find(
         self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
@@ -275,7 +324,7 @@ class RobustTracker:
         assert generation.motion is not None
         std = np.sqrt(np.diag(generation.motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
         spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
-        near = generation.best + spread * rng.standard_normal((_NEAR, 6))
+        near = generation.motion.pose + spread * rng.standard_normal((_NEAR, 6))
         near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
         return near
 
@@ -303,20 +352,38 @@ class RobustTracker:
 
     def _took(self, generation: Generation, seen: Seen, images: Images) -> Generation:
         """A frame whose images show the pose."""
-        pose, C = seen.pose, seen.refined.covariance
-        motion = generation.motion
-        motion = PoseFilter.of(pose, C, self.motion) if motion is None else motion.update(pose, C)
-        state = TrackingState.AMBIGUOUS if seen.ambiguous else TrackingState.TRACKING
+        p, pose, C = self.parameters, seen.pose, seen.refined.covariance
+        motion, unseen = generation.motion, 0
+        if motion is None:
+            motion = PoseFilter.of(pose, C, self.motion)
+        else:
+            updated = motion.update(pose, C)
+            if updated.surprise <= _UNEXPECTED:
+                motion = updated
+            elif generation.unseen == 0:  # It may be an image of another time.
+                motion, unseen = motion.surprised(pose, C), 1
+            else:
+                motion = dc.replace(PoseFilter.of(pose, C, self.motion), unrest=motion.unrest)
+        certain = 0.0
+        if not seen.ambiguous:
+            evidence = Evidence.of(
+                seen.refined, body_covariance(pose, C), seen.explained, motion.surprise
+            )
+            certain = confidence(evidence)
+        is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains
-        if state == TrackingState.TRACKING:
+        if is_tracking:
             gains = self.ga.white_balance.adapt(gains, pose, images, self.matcher)
-        return Generation(
+        return dc.replace(
+            generation,
             poses=np.concatenate([pose[None], generation.poses[:-1]]),
             fitness=np.concatenate([[seen.refined.fitness], generation.fitness[:-1]]),
             covariance=None if seen.ambiguous else C,
             gains=gains,
-            state=state,
-            confidence=confidence(Evidence.of(seen.refined, seen.explained, motion.surprise)),
+            state=TrackingState.AMBIGUOUS if seen.ambiguous else TrackingState.TRACKING,
+            confidence=certain,
+            is_tracking=is_tracking,
+            unseen=unseen,
             motion=motion,
         )
 

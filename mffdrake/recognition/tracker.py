@@ -255,8 +255,10 @@ class OneStepGaTracker:
         generation, gains = self._refine(generation, scene), generation.gains
         if generation.covariance is not None or generation.fitness[0] > self.sure_fitness:
             gains = self.white_balance.adapt(gains, generation.best, images, self.matcher)
-            return dc.replace(generation, gains=gains, state=TrackingState.TRACKING)
-        return dc.replace(generation, state=TrackingState.SEARCHING)
+            return dc.replace(
+                generation, gains=gains, state=TrackingState.TRACKING, is_tracking=True
+            )
+        return dc.replace(generation, state=TrackingState.SEARCHING, is_tracking=False)
 
     def _select(self, candidates: Array, scene: Scene, last: Generation) -> Generation:
         """Scores candidates and keeps the best, as many as the population has."""

@@ -78,7 +78,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         state: What the tracker says of the pose, a number of `TrackingState`, shape (1,).
         confidence: Probability that the pose is right to 5 mm and 1 deg, shape (1,); NaN where the
             tracker does not tell it.
-        is_tracking: 1 where the state is tracking, else 0, shape (1,).
+        is_tracking: 1 where the pose is right with enough confidence, else 0, shape (1,).
         X_WM: The recognized pose in the world as a RigidTransform, where ``X_WC`` is connected; an
             error before the first frame.
 
@@ -127,7 +127,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._fitness = self.DeclareDiscreteState(n)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
-        self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0])
+        self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0, 0.0])
+        self._stamps = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
         self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
         self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
@@ -199,11 +200,16 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             covariance = generation.covariance.reshape(36)
         discrete_state.set_value(self._covariance, covariance)
         discrete_state.set_value(self._gains, generation.gains)
-        verdict = [generation.state, generation.confidence, generation.unseen]
-        discrete_state.set_value(self._verdict, verdict)
-        motion = generation.motion
-        numbers = np.full(NUM_NUMBERS, math.nan) if motion is None else motion.numbers
+        g = generation
+        discrete_state.set_value(
+            self._verdict, [g.state, g.confidence, float(g.is_tracking), g.unseen]
+        )
+        numbers = np.full(NUM_NUMBERS, math.nan)
+        if g.motion is not None:
+            numbers = g.motion.numbers(g.best)
         discrete_state.set_value(self._motion, numbers)
+        if g.stamps:
+            discrete_state.set_value(self._stamps, g.stamps)
         if self._camera_pose.HasValue(context):
             X_WC = self._camera_pose.Eval(context)
             discrete_state.set_value(self._exposed_pose, X_WC.GetAsMatrix34().reshape(-1))
@@ -219,7 +225,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
 
         poses, covariance = self._CarriedPoses(context), numbers(self._covariance)
         red, green, blue = numbers(self._gains).tolist()
-        state, confidence, unseen = numbers(self._verdict).tolist()
+        state, confidence, is_tracking, unseen = numbers(self._verdict).tolist()
         motion = numbers(self._motion)
         return Generation(
             poses,
@@ -228,8 +234,10 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             (red, green, blue),
             TrackingState(int(state)),
             confidence,
+            is_tracking > 0.0,
             int(unseen),
             None if math.isnan(motion[0]) else PoseFilter.of_numbers(poses[0], motion),
+            tuple(numbers(self._stamps).tolist()),
         )
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:
@@ -271,8 +279,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         output.SetFromVector(context.get_discrete_state(self._verdict).value()[1:2])
 
     def _CalcIsTracking(self, context: Context, output: BasicVector) -> None:
-        state = context.get_discrete_state(self._verdict).value()[0]
-        output.SetFromVector([float(state == TrackingState.TRACKING)])
+        output.SetFromVector(context.get_discrete_state(self._verdict).value()[2:3])
 
     def _CalcFitness(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])

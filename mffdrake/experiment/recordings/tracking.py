@@ -173,7 +173,8 @@ class TrackedFrame:
             "frame": self.recorded.frame, "time": self.recorded.time,
             "x": x, "y": y, "z": z, "qx": qx, "qy": qy, "qz": qz, "qw": qw,
             "fitness": e.fitness, "refined": int(e.refined), **std, "ms": self.ms,
-            "state": e.state.name.lower(), "confidence": "" if np.isnan(e.confidence) else e.confidence,
+            "state": e.state.name.lower(), "is_tracking": int(e.is_tracking),
+            "confidence": "" if np.isnan(e.confidence) else e.confidence,
         }  # fmt: skip
 
 
