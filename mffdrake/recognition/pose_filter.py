@@ -8,6 +8,7 @@ rest, as long as its pose is carried along.
 from __future__ import annotations
 
 import dataclasses as dc
+import math
 from dataclasses import dataclass, field
 
 import cv2
@@ -15,8 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.parameters import Positive, parameters
-from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
-from mffdrake.recognition.pose_motion import quaternion_rate_matrix
+from mffdrake.recognition.pose import (
+    pose_from_transform,
+    quaternion_scalar,
+    quaternion_vector,
+    rotation_matrix,
+    skew,
+    transform_from_pose,
+)
 
 __all__ = ["NUM_NUMBERS", "PoseFilter", "PoseFilterParameters", "body_covariance"]
 
@@ -24,6 +31,8 @@ NUM_NUMBERS = 6 + 12 * 12 + 1
 """How many numbers a filter is, besides its pose."""
 
 Array = NDArray[np.float64]
+
+_HALF_TURN = 1e-6  # A quaternion's scalar part up to which rounding hides the angle's covariance
 
 
 @parameters
@@ -110,12 +119,13 @@ class PoseFilter:
         turn = exp_rotation(w * dt)
         back = turn.T
         later = back @ v  # The same velocity, seen from the target as it has turned
+        rate_turns = dt * right_jacobian(w * dt)  # how an error of w turns it
         F = np.zeros((12, 12))
         F[:3, :3] = F[3:6, 3:6] = F[6:9, 6:9] = back
         F[:3, 3:6] = -dt * back @ skew(v)
         F[:3, 6:9] = dt * back
-        F[3:6, 9:] = dt * np.eye(3)
-        F[6:9, 9:] = dt * skew(later)
+        F[3:6, 9:] = rate_turns
+        F[6:9, 9:] = skew(later) @ rate_turns
         F[9:, 9:] = np.eye(3)
         density = (unrest * np.repeat([rules.acceleration, rules.angular_acceleration], 3)) ** 2
         Q = np.zeros((12, 12))
@@ -123,6 +133,11 @@ class PoseFilter:
         Q[place, place] = density * dt**3 / 3.0
         Q[place, speed] = Q[speed, place] = density * dt**2 / 2.0
         Q[speed, speed] = density * dt
+        # Where it has turned otherwise, the same velocity is seen from it otherwise.
+        turned = skew(later) @ Q[3:6]
+        Q[6:9] += turned
+        Q[:, 6:9] += turned.T
+        Q[6:9, 6:9] += turned[:, 3:6] @ skew(later).T
         return PoseFilter(
             pose_from_transform(R @ turn, p + R @ v * dt),
             np.concatenate([later, w]),
@@ -139,14 +154,25 @@ class PoseFilter:
         """
         R, p = transform_from_pose(self.pose)
         R_seen, p_seen = transform_from_pose(np.asarray(pose, dtype=float))
-        away = np.concatenate([R.T @ (p_seen - p), log_rotation(R.T @ R_seen)])
+        between = R.T @ R_seen
+        away = np.concatenate([R.T @ (p_seen - p), log_rotation(between)])
+        # The measurement's error, from where it was seen to where it was expected
+        D = np.zeros((6, 6))
+        D[:3, :3], D[3:, 3:] = between, np.linalg.inv(right_jacobian(away[3:]))
         P = self.covariance
-        S = P[:6, :6] + body_covariance(self.pose, covariance)
+        N = D @ body_covariance(pose, covariance) @ D.T
+        S = P[:6, :6] + N
         K = np.linalg.solve(S, P[:6]).T  # P H^T S^-1
         change = K @ away
-        P = P - K @ P[:6]
+        turn = exp_rotation(change[3:6])
+        # What is left of the error, seen from the target as it has been turned
+        G = np.eye(12)
+        G[:3, :3], G[3:6, 3:6] = turn.T, right_jacobian(change[3:6])
+        L, A = G @ K, G.copy()
+        A[:, :6] -= L
+        P = A @ P @ A.T + L @ N @ L.T  # Joseph's form: positive whatever is rounded
         return PoseFilter(
-            pose_from_transform(R @ exp_rotation(change[3:6]), p + R @ change[:3]),
+            pose_from_transform(R @ turn, p + R @ change[:3]),
             self.twist + change[6:],
             0.5 * (P + P.T),
             float(away @ np.linalg.solve(S, away)) / 6.0,
@@ -176,15 +202,22 @@ def body_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
         covariance: Of a pose vector's error, shape (6, 6).
 
     Returns:
-        Shape (6, 6) [m, rad].
+        Shape (6, 6) [m, rad]. At a half turn, where a pose vector's covariance says nothing of the
+        angle, that is as uncertain as turns about the other axes.
     """
     pose = np.asarray(pose, dtype=float)
-    R = transform_from_pose(pose)[0]
+    eps, eta = pose[3:], float(quaternion_scalar(pose[3:]))
     A = np.zeros((6, 6))
-    A[:3, :3] = R.T
-    # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6), whose inverse is bounded but at a half turn
-    A[3:, 3:] = R.T @ np.linalg.pinv(quaternion_rate_matrix(pose[3:]), rcond=1e-6)
-    return np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
+    A[:3, :3] = rotation_matrix(eps).T
+    # deps = 1/2 (eta I + S(eps)) dtheta, Eq. (6) as seen from the target, solved for dtheta
+    A[3:, 3:] = 2.0 * (eta * np.eye(3) - skew(eps))
+    along = np.outer(eps, eps)
+    if eta > _HALF_TURN:
+        A[3:, 3:] += 2.0 / eta * along
+    P = np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
+    if eta <= _HALF_TURN:
+        P[3:, 3:] += 0.5 * np.trace(P[3:, 3:]) * along
+    return P
 
 
 def exp_rotation(vector: ArrayLike) -> Array:
@@ -194,4 +227,24 @@ def exp_rotation(vector: ArrayLike) -> Array:
 
 def log_rotation(R: ArrayLike) -> Array:
     """Rotation vector [rad] of a rotation matrix, shape (3,)."""
-    return np.asarray(cv2.Rodrigues(np.asarray(R, dtype=float))[0]).reshape(3)
+    eps = quaternion_vector(R)  # Unlike OpenCV's, it is right to turns below 1e-5, too.
+    sine = math.sqrt(eps @ eps)
+    if sine == 0.0:
+        return eps
+    return np.asarray(2.0 * math.atan2(sine, float(quaternion_scalar(eps))) / sine * eps)
+
+
+def right_jacobian(vector: ArrayLike) -> Array:
+    """The J with ``exp(v + d) = exp(v) exp(J d)`` for small d, shape (3, 3).
+
+    Args:
+        vector: Rotation vector v [rad], shape (3,).
+    """
+    v = np.asarray(vector, dtype=float)
+    S, square = skew(v), float(v @ v)
+    if square < 1e-6:
+        return np.asarray(np.eye(3) - 0.5 * S + S @ S / 6.0)
+    angle = math.sqrt(square)
+    first = (1.0 - math.cos(angle)) / square
+    second = (1.0 - math.sin(angle) / angle) / square
+    return np.asarray(np.eye(3) - first * S + second * S @ S)
