@@ -333,6 +333,17 @@ def test_who_knows_nothing_takes_the_measurement_as_it_is(seed, angle):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_rounding_hides_no_measurement_that_is_far_finer_than_what_is_known(seed):
+    rng = np.random.default_rng(seed)
+    known = some_filter(rng, scale=1e3)
+    seen = pose_at(1.0, rng)
+    C = pose_covariance(seen, spread(rng, 6, 1e-5))
+    new, expected = known.update(seen, C), body_covariance(seen, C)
+    assert least_correlation(new.covariance) > 0
+    np.testing.assert_allclose(new.covariance[:6, :6], expected, atol=1e-5 * expected.max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_turn_that_is_seen_leaves_the_direction_in_which_the_place_is_uncertain(seed):
     rng = np.random.default_rng(seed)
     P = np.diag([1e-6, 1e-6, 1e-2, 1, 1, 1, 1e-4, 1e-4, 1e-4, 1, 1, 1])
@@ -402,7 +413,7 @@ class Targets:
 
 
 def test_errors_are_as_large_as_the_filter_says_and_surprises_as_usual():
-    rng, rules, dt, frames = np.random.default_rng(1), PoseFilterParameters(speed=0.5), 0.033, 20
+    rng, rules, dt, frames = np.random.default_rng(1), PoseFilterParameters(speed=0.5), 0.033, 12
     targets = Targets(rng, 200, rules)
     L = np.linalg.cholesky(spread(rng, 6) * np.outer(*2 * [np.repeat([1e-3, 4e-3], 3)]))
     filters = [PoseFilter.of(seen, C, rules) for seen, C in targets.see(L)]
