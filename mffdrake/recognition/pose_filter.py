@@ -10,12 +10,11 @@ from __future__ import annotations
 import dataclasses as dc
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.parameters import Positive, parameters
-from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
+from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 
 __all__ = ["NUM_NUMBERS", "PoseFilter", "PoseFilterParameters", "body_covariance", "pose_covariance"]
@@ -108,31 +107,14 @@ class PoseFilter:
             dt: The time [s].
             rules: How the target may move.
         """
-        R, p = transform_from_pose(self.pose)
-        v, w = self.twist[:3], self.twist[3:]
-        turn = exp_rotation(w * dt)
-        back = turn.T
-        later = back @ v  # The same velocity, seen from the target as it has turned
-        F = np.zeros((12, 12))
-        F[:3, :3] = F[3:6, 3:6] = F[6:9, 6:9] = back
-        F[:3, 3:6] = -dt * back @ skew(v)
-        F[:3, 6:9] = dt * back
-        F[3:6, 9:] = dt * np.eye(3)
-        F[6:9, 9:] = dt * skew(later)
-        F[9:, 9:] = np.eye(3)
-        density = (self.unrest * np.repeat([rules.acceleration, rules.angular_acceleration], 3)) ** 2
-        Q = np.zeros((12, 12))
-        place, speed = np.arange(6), np.arange(6, 12)
-        Q[place, place] = density * dt**3 / 3.0
-        Q[place, speed] = Q[speed, place] = density * dt**2 / 2.0
-        Q[speed, speed] = density * dt
-        return PoseFilter(
-            pose_from_transform(R @ turn, p + R @ v * dt),
-            np.concatenate([later, w]),
-            F @ self.covariance @ F.T + Q,
-            self.surprise,
-            self.unrest if rules.adaptive else 1.0,
+        from mffdrake.recognition import _pose_filter  # numba: slow to import
+
+        unrest = self.unrest if rules.adaptive else 1.0
+        densities = (unrest * rules.acceleration, unrest * rules.angular_acceleration)
+        pose, twist, covariance = _pose_filter.predict(
+            self.pose, self.twist, self.covariance, float(dt), densities
         )
+        return PoseFilter(pose, twist, covariance, self.surprise, unrest)
 
     def update(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
         """With a measurement.
@@ -141,21 +123,13 @@ class PoseFilter:
             pose: Pose vector that was measured, shape (6,).
             covariance: Covariance of its error, as a `Generation`'s, shape (6, 6).
         """
-        R, p = transform_from_pose(self.pose)
-        R_seen, p_seen = transform_from_pose(np.asarray(pose, dtype=float))
-        away = np.concatenate([R.T @ (p_seen - p), log_rotation(R.T @ R_seen)])
-        P = self.covariance
-        S = P[:6, :6] + body_covariance(self.pose, covariance)
-        K = np.linalg.solve(S, P[:6]).T  # P H^T S^-1
-        change = K @ away
-        P = P - K @ P[:6]
-        return PoseFilter(
-            pose_from_transform(R @ exp_rotation(change[3:6]), p + R @ change[:3]),
-            self.twist + change[6:],
-            0.5 * (P + P.T),
-            surprise := float(away @ np.linalg.solve(S, away)) / 6.0,
-            self._adapted(surprise),
+        from mffdrake.recognition import _pose_filter  # numba: slow to import
+
+        pose, covariance = np.array(pose, dtype=float), np.array(covariance, dtype=float)
+        pose, twist, covariance, surprise = _pose_filter.update(
+            self.pose, self.twist, self.covariance, pose, covariance
         )
+        return PoseFilter(pose, twist, covariance, surprise, self._adapted(surprise))
 
     def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
         """Without a measurement that is not to be believed, but as restless as it makes.
@@ -207,15 +181,15 @@ def body_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
         covariance: Of a pose vector's error, shape (6, 6).
 
     Returns:
-        Shape (6, 6) [m, rad].
+        Shape (6, 6) [m, rad]. At a half turn, where a pose vector's covariance says nothing of the
+        angle, that is as uncertain as turns about the other axes.
     """
-    pose = np.asarray(pose, dtype=float)
-    R = transform_from_pose(pose)[0]
-    A = np.zeros((6, 6))
-    A[:3, :3] = R.T
-    # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6), whose inverse is bounded but at a half turn
-    A[3:, 3:] = R.T @ np.linalg.pinv(quaternion_rate_matrix(pose[3:]), rcond=1e-6)
-    return np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
+    from mffdrake.recognition import _pose_filter  # numba: slow to import
+
+    P: Array = _pose_filter.body_covariance(
+        np.array(pose, dtype=float), np.array(covariance, dtype=float)
+    )
+    return P
 
 
 def pose_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
@@ -234,13 +208,3 @@ def pose_covariance(pose: ArrayLike, covariance: ArrayLike) -> Array:
     A[:3, :3] = R
     A[3:, 3:] = quaternion_rate_matrix(pose[3:]) @ R
     return np.asarray(A @ np.asarray(covariance, dtype=float) @ A.T)
-
-
-def exp_rotation(vector: ArrayLike) -> Array:
-    """Rotation matrix of a rotation vector [rad], shape (3, 3)."""
-    return np.asarray(cv2.Rodrigues(np.asarray(vector, dtype=float))[0])
-
-
-def log_rotation(R: ArrayLike) -> Array:
-    """Rotation vector [rad] of a rotation matrix, shape (3,)."""
-    return np.asarray(cv2.Rodrigues(np.asarray(R, dtype=float))[0]).reshape(3)
