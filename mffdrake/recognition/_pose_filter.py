@@ -143,7 +143,7 @@ def body_covariance(pose: Array, covariance: Array) -> Array:
         for i in range(3):
             for j in range(3):
                 P[3 + i, 3 + j] += mean * eps[i] * eps[j]
-    return P
+    return P  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")

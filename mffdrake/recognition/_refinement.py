@@ -68,6 +68,7 @@ class Result(NamedTuple):
         trusted: Mean robust weight of the borders.
         scale: Root of the mean squared distance of the trusted borders [px].
         hardness: Of the images.
+        disagreement: See `_disagreement` [m].
     """
 
     outcome: int
@@ -79,6 +80,7 @@ class Result(NamedTuple):
     trusted: float
     scale: float
     hardness: float
+    disagreement: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -218,9 +220,37 @@ def _calibration_covariance(
 
 
 @njit(cache=True, error_model="numpy")
+def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> float:
+    """How far one camera's borders alone would move the pose [m], beyond what chance explains.
+
+    It is the greatest of all cameras; zero for a single one, and for one that sees too little.
+    """
+    largest, num_views, num_edges = 0.0, len(scene.views), len(scene.solid.edges)
+    if num_views == 1:
+        return largest
+    residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
+    compare(pose, lines, borders, scene, residuals, J)
+    L = np.zeros((6, 6))
+    for view in range(num_views):
+        N, b = np.zeros((6, 6)), np.zeros(6)
+        for k in range(len(borders)):
+            if borders[k].slot // num_edges == view:
+                for i in range(6):
+                    for j in range(i + 1):
+                        N[i, j] += borders[k].weight * J[k, i] * J[k, j]
+                    b[i] += borders[k].weight * J[k, i] * residuals[k]
+        if not factor(N, L):
+            continue
+        step, C = solve(L, b), invert(L)
+        moved = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        largest = max(largest, moved - 3.0 * math.sqrt(C[0, 0] + C[1, 1] + C[2, 2]))
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
 def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]) -> Result:
     """Refines a pose, see `BorderRefiner.refine`."""
-    result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan)
+    result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan, 0.0)
     for index in range(len(stages)):
         result = _refine_once(result.pose, scene, rules, stages[index], index == len(stages) - 1)
         if result.outcome != SETTLED:
@@ -261,7 +291,7 @@ def _refine_once(
     sought = sought_by_view.sum()
     count = len(borders)
     if count * stage.spacing < rules.min_borders:
-        return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan)
+        return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan, 0.0)
     # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
     # image and 1/6 on average where every share occurs; rounding to steps of q makes it
     # (1 - q^2) / 6, so this is q^2.
@@ -273,7 +303,7 @@ def _refine_once(
     if final and stage.spacing == 1 and hardness > _LEAST_HARDNESS:
         jumps = find_jumps(borders, lines)
     found = Found(borders, jumps, stage.spacing, hardness)
-    outcome, trusted, scale = SETTLED, 0.0, np.nan
+    outcome, trusted, scale, apart = SETTLED, 0.0, np.nan, 0.0
     for k in range(stage.steps):
         scale, weights = normal_equations(
             pose, lines, found, scene, rules, equations, 0.1 * 0.25**k
@@ -296,6 +326,7 @@ def _refine_once(
         if advance < _SETTLED and k >= 2:
             break
     if outcome == SETTLED and final:
+        apart = _disagreement(pose, lines, borders, scene)
         covariance = invert(L)
         if hardness > _HARD and stage.spacing == 1:
             centered, step, spread = center(pose, lines, borders, scene)
@@ -304,4 +335,6 @@ def _refine_once(
                 covariance[:] = _SPREAD * spread
         if _calibration_errs(scene):
             covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
-    return Result(outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness)
+    return Result(
+        outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness, apart
+    )

@@ -25,6 +25,7 @@ class Evidence(NamedTuple):
         explained: Share of its borders that the images show (0 to 1).
         fitness: Its fitness (0 to 1).
         residual: How far borders lie from edges, in units of what is expected.
+        disagreement: How far one camera's borders alone would move it [m].
         trusted: Mean robust weight of the borders (0 to 1).
         within: Probability that it is right by its covariance.
         surprise: How far it is from where it was expected, see `PoseFilter`.
@@ -33,19 +34,23 @@ class Evidence(NamedTuple):
     explained: float
     fitness: float
     residual: float
+    disagreement: float
     trusted: float
     within: float
     surprise: float
 
     @classmethod
-    def of(cls, refined: Refinement, body_covariance: ArrayLike, explained: float, surprise: float) -> Evidence:
+    def of(
+        cls, refined: Refinement, covariance: ArrayLike, explained: float, surprise: float
+    ) -> Evidence:
         """Of a refinement."""
         return cls(
             explained,
             refined.fitness,
             refined.residual / refined.expected_residual,
+            refined.disagreement,
             refined.trusted,
-            probability_within(body_covariance),
+            probability_within(covariance),
             surprise,
         )
 
@@ -70,5 +75,6 @@ def probability_within(covariance: ArrayLike) -> float:
         (RIGHT_ROTATION, variances[3:].mean()),
     ):
         x = limit / math.sqrt(max(variance, 1e-18))  # Maxwell's distribution
-        product *= math.erf(x / math.sqrt(2.0)) - math.sqrt(2.0 / math.pi) * x * math.exp(-x * x / 2)
+        tail = math.sqrt(2.0 / math.pi) * x * math.exp(-0.5 * x * x)
+        product *= math.erf(x / math.sqrt(2.0)) - tail
     return product

@@ -8,6 +8,7 @@ rest, as long as its pose is carried along.
 from __future__ import annotations
 
 import dataclasses as dc
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,13 @@ from mffdrake.recognition.parameters import Positive, parameters
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 
-__all__ = ["NUM_NUMBERS", "PoseFilter", "PoseFilterParameters", "body_covariance", "pose_covariance"]
+__all__ = [
+    "NUM_NUMBERS",
+    "PoseFilter",
+    "PoseFilterParameters",
+    "body_covariance",
+    "pose_covariance",
+]
 
 NUM_NUMBERS = 6 + 6 + 12 * 12 + 2
 """How many numbers a filter is."""
@@ -125,11 +132,14 @@ class PoseFilter:
         """
         from mffdrake.recognition import _pose_filter  # numba: slow to import
 
-        pose, covariance = np.array(pose, dtype=float), np.array(covariance, dtype=float)
-        pose, twist, covariance, surprise = _pose_filter.update(
-            self.pose, self.twist, self.covariance, pose, covariance
+        new_pose, twist, P, surprise = _pose_filter.update(
+            self.pose,
+            self.twist,
+            self.covariance,
+            np.array(pose, dtype=float),
+            np.array(covariance, dtype=float),
         )
-        return PoseFilter(pose, twist, covariance, surprise, self._adapted(surprise))
+        return PoseFilter(new_pose, twist, P, surprise, self._adapted(surprise))
 
     def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
         """Without a measurement that is not to be believed, but as restless as it makes.
@@ -143,7 +153,7 @@ class PoseFilter:
 
     def _adapted(self, surprise: float) -> float:
         """Up fast, down slowly; at rest where measurements are as far off as expected."""
-        return max(1.0, self.unrest * min(max(surprise**0.25, 0.9), 4.0))
+        return max(1.0, self.unrest * min(max(math.sqrt(math.sqrt(surprise)), 0.9), 4.0))
 
     def numbers(self, pose: ArrayLike) -> Array:
         """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).

@@ -96,7 +96,8 @@ class PoseTracker:
     """Recognizes a solid's pose in frame after frame of a rig's images.
 
     It wraps a `RobustTracker` or a `OneStepGaTracker`, which has all of the parameters, and keeps
-    what that carries from frame to frame. The same images in the same order always give the same results.
+    what that carries from frame to frame. The same images in the same order always give the same
+    results.
 
     Args:
         algorithm: The algorithm.

@@ -125,6 +125,8 @@ class Refinement:
         expected_residual: What rounding, blending and the cameras' calibration explain of it [px].
         hardness: From 0 for an image whose borders blend as the covered areas do, to 1 where
             every pixel shows one color.
+        disagreement: How far one camera's borders alone would move the pose [m], beyond what
+            chance explains.
     """
 
     pose: Array
@@ -139,6 +141,7 @@ class Refinement:
     residual: float = math.nan
     expected_residual: float = math.nan
     hardness: float = math.nan
+    disagreement: float = 0.0
 
 
 class Refiner(Protocol):
@@ -279,6 +282,7 @@ class BorderRefiner:
             "explained": result.num_borders / max(1, result.sought),
             "num_jumps": result.num_jumps, "trusted": result.trusted, "residual": result.scale,
             "expected_residual": expected, "hardness": result.hardness,
+            "disagreement": result.disagreement,
         }  # fmt: skip
         reason = _OUTCOMES[result.outcome] or self._doubt(
             given, Refinement(refined, covariance=C, **found)

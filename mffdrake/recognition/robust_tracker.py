@@ -183,7 +183,7 @@ class RobustTracker:
             if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
                 return self._took(bred, seen, images)
             if is_stale:
-                return self._predicted(generation)
+                return self._unseen(generation)
             return self._search(generation, images, scene, frame, rng)
         generation = self.ga.breed(generation, scene, rng)
         return self._search(generation, images, scene, frame, rng)
@@ -274,24 +274,24 @@ class RobustTracker:
         seen, candidates = self._find(generation, scene, frame, rng)
         if seen is not None:
             return self._took(dc.replace(generation, motion=None), seen, images)
-        if generation.motion is not None and generation.unseen < self.parameters.patience:
-            return self._predicted(generation)
-        if candidates:
-            generation = self.ga.join(generation, np.stack([one.pose for one in candidates]), scene)
-        never = generation.motion is None
-        return dc.replace(
-            generation,
-            covariance=None,
-            state=TrackingState.SEARCHING if never else TrackingState.LOST,
-            confidence=0.0,
-            is_tracking=False,
-            unseen=0 if never else generation.unseen + 1,
-        )
+        unseen = self._unseen(generation)
+        if unseen.state == TrackingState.PREDICTED or not candidates:
+            return unseen
+        return self.ga.join(unseen, np.stack([one.pose for one in candidates]), scene)
 
-    def _predicted(self, generation: Generation) -> Generation:
-        """A frame whose images say nothing: the pose is where it should be by now."""
-        motion = generation.motion
-        assert motion is not None
+    def _unseen(self, generation: Generation) -> Generation:
+        """A frame whose images say nothing: for a while, the pose is where it should be by now."""
+        motion, lost_for = generation.motion, generation.unseen - self.parameters.patience
+        if motion is None or lost_for >= 0:
+            never = motion is None
+            return dc.replace(
+                generation,
+                covariance=None,
+                state=TrackingState.SEARCHING if never else TrackingState.LOST,
+                confidence=0.0,
+                is_tracking=False,
+                unseen=0 if never else generation.unseen + 1,
+            )
         certain = min(generation.confidence, probability_within(motion.covariance[:6, :6]))
         return dc.replace(
             generation,
@@ -326,7 +326,7 @@ class RobustTracker:
         spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
         near = generation.motion.pose + spread * rng.standard_normal((_NEAR, 6))
         near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
-        return near
+        return np.asarray(near)
 
     def _resolve(self, seen: Seen, scene: Scene) -> Seen:
         """Of the poses in which the solid's shape looks the same, the one whose colors fit best."""

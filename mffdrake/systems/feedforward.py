@@ -22,9 +22,8 @@ def ConnectFeedforward(
     """Closes the loop of a recognizer and a predictor, once it is sure that they fit.
 
     The hypotheses go from ``population`` through the predictor to ``predicted_population``;
-    ``frame_time`` tells the predictor which frame they are of, and ``X_WC`` the recognizer where its
-    camera was. A ``target_velocity`` is left to the
-    caller.
+    ``frame_time`` tells the predictor which frame they are of, and ``X_WC`` the recognizer where
+    its camera was. A ``target_velocity`` is left to the caller.
 
     Args:
         builder: The builder of the diagram, to which both systems have been added.

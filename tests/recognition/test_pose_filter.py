@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from mffdrake.recognition import ParameterError, _pose_filter
-from mffdrake.recognition.pose import pose_from_transform, rotation_matrix, skew, transform_from_pose
+from mffdrake.recognition.pose import (
+    pose_from_transform,
+    rotation_matrix,
+    skew,
+    transform_from_pose,
+)
 from mffdrake.recognition.pose_filter import (
     NUM_NUMBERS,
     PoseFilter,
@@ -201,7 +206,9 @@ def test_the_velocity_in_the_poses_frame_is_constant_and_carries_the_pose(seed, 
 
 
 def test_a_spinning_target_passes_half_turns_and_comes_round():
-    known = PoseFilter(np.array([0.1, 0.2, 0.8, 0, 0, 0]), np.array([0, 0, 0, 0, 0, 1.0]), np.eye(12))
+    known = PoseFilter(
+        np.array([0.1, 0.2, 0.8, 0, 0, 0]), np.array([0, 0, 0, 0, 0, 1.0]), np.eye(12)
+    )
     for k in range(1, 9):
         known = known.predict(0.25 * np.pi, RULES)
         half = 0.125 * np.pi * k
@@ -496,7 +503,10 @@ def test_an_adaptive_filter_is_restless_where_it_was_surprised_and_calms_down():
     assert known.unrest == 1.0
     jumped = known.predict(0.033, rules).update(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
     assert jumped.surprise > 100.0 and jumped.unrest > 2.0
-    wide, narrow = jumped.predict(0.033, rules), dc.replace(jumped, unrest=1.0).predict(0.033, rules)
+    wide, narrow = (
+        jumped.predict(0.033, rules),
+        dc.replace(jumped, unrest=1.0).predict(0.033, rules),
+    )
     assert np.trace(wide.covariance) > np.trace(narrow.covariance)
     unmoved = known.surprised(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
     np.testing.assert_array_equal(unmoved.pose, known.pose)
