@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.recovery import CalcRecovery, OutageEnd
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.parameters import kind_of
@@ -61,7 +62,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
     Returns:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
         after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
-        (see `TRACKING_SHARES`), and times.
+        (see `TRACKING_SHARES`), errors of those whose state is tracking, frames without the target
+        (see `CalcRecovery`), and times.
 
     Example:
         >>> from mffdrake.experiment.simulation import Simulate
@@ -87,6 +89,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "rms": _RmsErrors(result, everything),
         "rms_settled": _RmsErrors(result, settled),
         "tracking": _TrackingShares(result),
+        "rms_tracked": _RmsErrors(result, result.state == TrackingState.TRACKING),
+        "recovery": CalcRecovery(result.time, IsRight(result), OutageEnd(scenario)),
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
         "stages_ms": result.stages_ms,
