@@ -17,10 +17,10 @@ FEW = 5  # lines of the list of what costs most
 
 INTRODUCTION = """# Robustness
 
-Written by `python benchmarks/robustness.py --seeds {seeds} --duration {duration:g}`{only}: {runs} runs
-of {duration:g} s, each with {frames} frames of 640 x 480 pixels, from a random start, with the flat
-renderer and `recognizer: {{refinement: borders}}`; seeds {first} to {last}, others than those that the
-parameters were tuned on. Code: {code}.
+Written by `python benchmarks/robustness.py --seeds {seeds} --duration {duration:g}`{only}: {runs}
+runs of {duration:g} s, each with {frames} frames of 640 x 480 pixels, from a random start, with the
+flat renderer and `recognizer: {{refinement: borders}}`; seeds {first} to {last}, others than those
+that the parameters were tuned on. Code: {code}.
 
 Two motions: {motions}. `ga` is without motion feedforward, `mff` with it.
 
@@ -29,15 +29,16 @@ Two motions: {motions}. `ga` is without motion feedforward, `mff` with it.
 - *right*: share of the frames whose pose is within 5 mm and 1 deg of the truth.
 - *tracking*: share of the frames whose state is tracking.
 - *false*: share of the frames whose state is tracking although the pose is not right.
-- *missed*: share of the frames whose pose is right although the state is not tracking. A pose that is
-  carried along by the feedforward while nothing can be seen counts here too.
-- *longest*: the longest stretch of frames that are not right, after the first right one; median over
-  the seeds, and in brackets the longest of all.
-- *recover*: frames from the end of the outage to the first right one; median over the seeds, which
-  counts runs without any as endless, and in brackets the number of those runs, if any.
+- *missed*: share of the frames whose pose is right although the state is not tracking. A pose that
+  is carried along by the feedforward while nothing can be seen counts here too.
+- *longest*: the longest stretch of frames that are not right, after the first right one; median
+  over the seeds, and in brackets the longest of all.
+- *recover*: frames from the end of the outage to the first right one, 0 where the pose is right at
+  once; median over the seeds, which counts runs without any as endless, and in brackets the number
+  of those runs, if any.
 
-Shares are means over the seeds, so the search at the start, which takes some frames, counts as not
-right in all of them: without a disturbance too."""
+Shares are means over the seeds and count every frame, those of the search at the start too. In a
+heading's table the lines *none* are the undisturbed runs of the same seeds."""
 
 
 def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
