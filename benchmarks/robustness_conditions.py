@@ -121,14 +121,14 @@ GROUPS = (
         text="All levels are multiplied by a gain that swings about 1 by so much, once in a run "
         "(`Brightness`).",
         make=image("Brightness {{amplitude: {}, period: {T}}}"),
-        strengths={f"+-{v}": v for v in (0.3, 0.6, 0.8)},
+        strengths={f"±{v}": v for v in (0.3, 0.6, 0.8)},
     ),
     Group(
         name="color temperature",
         text="The gains of red and blue swing in opposite directions by so much, once in a run "
         "(`ColorTemperature`).",
         make=image("ColorTemperature {{amplitude: {}, period: {T}}}"),
-        strengths={f"+-{v}": v for v in (0.2, 0.4, 0.6)},
+        strengths={f"±{v}": v for v in (0.2, 0.4, 0.6)},
     ),
     Group(
         name="occluder",
@@ -147,27 +147,32 @@ GROUPS = (
     ),
     Group(
         name="dropped frames",
-        text="Each camera shows its last image again, with this probability (`DroppedFrames`).",
+        text="Each camera shows its last image again, with this probability (`DroppedFrames`). "
+        "Where both do, the images are good ones, but of the frame before: only what is known of "
+        "the motion can tell.",
         make=image("DroppedFrames {{probability: {}}}"),
         strengths={f"{v} %": v / 100 for v in (5, 10, 20)},
     ),
     Group(
         name="late frames",
-        text="Each camera's image is one or two frames late, with this probability "
-        "(`LateFrames`).",
+        text="Each camera's image is one or two frames late, with this probability, and then "
+        "mostly in one camera alone (`LateFrames`).",
         make=image("LateFrames {{frames: 2, probability: {}}}"),
         strengths={f"{v} %": v / 100 for v in (2, 5, 10)},
     ),
     Group(
         name="left and right out of step",
         text="The left camera's image is one frame late, with this probability; the right one's "
-        "never (`LateFrames`).",
+        "never (`LateFrames`). At 100 % the cameras are a frame apart all the time. The right one "
+        "is the reference: its time is that of the true pose.",
         make=image("LateFrames {{cameras: [left], frames: 1, probability: {}}}"),
         strengths={f"{v} %": v / 100 for v in (5, 20, 100)},
     ),
     Group(
         name="frozen images",
-        text="Both cameras show the same images for so long, from 30 % of the run on (`Frozen`).",
+        text="Both cameras show the same images for so long, from 30 % of the run on (`Frozen`). "
+        "The images are good ones, but of an earlier moment: only what is known of the motion can "
+        "tell, and `ga` knows nothing of it.",
         make=lambda s, duration: (
             f"disturbances: [!Frozen {{start: {0.3 * duration}, duration: {s}}}]"
         ),

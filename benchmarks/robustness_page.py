@@ -19,17 +19,18 @@ INTRODUCTION = """# Robustness
 
 Written by `python benchmarks/robustness.py --seeds {seeds} --duration {duration:g}`{only}: {runs}
 runs of {duration:g} s, each with {frames} frames of 640 x 480 pixels, from a random start, with the
-flat renderer and `recognizer: {{refinement: borders}}`; seeds {first} to {last}, others than those
+flat renderer and `recognizer: {{refinement: borders}}`; seeds from {first} on, others than those
 that the parameters were tuned on. Code: {code}.
 
-Two motions: {motions}. `ga` is without motion feedforward, `mff` with it.
+Two motions: {motions} (`scenarios/shaking_hand.yaml`). `ga`
+is without motion feedforward, `mff` with it.
 
-- *error*: root-mean-square distance from the true position over the frames whose state is tracking
-  [mm]; median over the seeds.
+- *error*: root-mean-square distance from the true position [mm], over the frames whose pose the
+  tracker calls good (`is_tracking`); median over the seeds.
 - *right*: share of the frames whose pose is within 5 mm and 1 deg of the truth.
-- *tracking*: share of the frames whose state is tracking.
-- *false*: share of the frames whose state is tracking although the pose is not right.
-- *missed*: share of the frames whose pose is right although the state is not tracking. A pose that
+- *tracking*: share of the frames whose pose the tracker calls good.
+- *false*: share of the frames whose pose it calls good although it is not right.
+- *missed*: share of the frames whose pose it does not call good although it is right. A pose that
   is carried along by the feedforward while nothing can be seen counts here too.
 - *longest*: the longest stretch of frames that are not right, after the first right one; median
   over the seeds, and in brackets the longest of all.
@@ -37,8 +38,8 @@ Two motions: {motions}. `ga` is without motion feedforward, `mff` with it.
   once; median over the seeds, which counts runs without any as endless, and in brackets the number
   of those runs, if any.
 
-Shares are means over the seeds and count every frame, those of the search at the start too. In a
-heading's table the lines *none* are the undisturbed runs of the same seeds."""
+Shares are means over the seeds and count every frame, those of the search at the start too. The
+lines *none* of the tables are the undisturbed runs of the same seeds."""
 
 
 def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
@@ -50,13 +51,12 @@ def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
         code: What they were run by.
     """
     done = [row for row in rows if row["status"] == "done"]
-    seeds = sorted({row["seed"] for row in rows})
     only = " ".join(f'"{name}"' if " " in name else name for name in options.only)
     parts = [
         INTRODUCTION.format(
             seeds=options.seeds, duration=options.duration, only=f" `--only {only}`" * bool(only),
             runs=len(done), frames=max((row["frames"] for row in done), default=0),
-            first=seeds[0], last=seeds[-1], code=code, motions=" and ".join(MOTIONS.values()),
+            first=min(row["seed"] for row in rows), code=code, motions=" and ".join(MOTIONS.values()),
         )
     ]  # fmt: skip
     failures = [row for row in rows if row["status"] == "failed"]

@@ -62,7 +62,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
     Returns:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
         after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
-        (see `TRACKING_SHARES`), errors of those whose state is tracking, frames without the target
+        (see `TRACKING_SHARES`), errors of those that the tracker calls good, frames without the target
         (see `CalcRecovery`), and times.
 
     Example:
@@ -89,7 +89,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "rms": _RmsErrors(result, everything),
         "rms_settled": _RmsErrors(result, settled),
         "tracking": _TrackingShares(result),
-        "rms_tracked": _RmsErrors(result, result.state == TrackingState.TRACKING),
+        "rms_tracked": _RmsErrors(result, _SaysSo(result)),
         "recovery": CalcRecovery(result.time, IsRight(result), OutageEnd(scenario)),
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
@@ -128,8 +128,13 @@ def IsRight(result: SimulationResult) -> NDArray[np.bool_]:
     return near & (rotation_angle(true[:, 3:], recognized[:, 3:]) <= RIGHT_ROTATION)
 
 
+def _SaysSo(result: SimulationResult) -> NDArray[np.bool_]:
+    """Which frames' poses the tracker calls good, shape (K,)."""
+    return result.state == TrackingState.TRACKING
+
+
 def _TrackingShares(result: SimulationResult) -> dict[str, float]:
-    right, says_so = IsRight(result), result.state == TrackingState.TRACKING
+    right, says_so = IsRight(result), _SaysSo(result)
     frames = (right, says_so, says_so & ~right, right & ~says_so)
     return {
         name: float(np.mean(chosen)) for name, chosen in zip(TRACKING_SHARES, frames, strict=True)
