@@ -56,7 +56,8 @@ def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
         INTRODUCTION.format(
             seeds=options.seeds, duration=options.duration, only=f" `--only {only}`" * bool(only),
             runs=len(done), frames=max((row["frames"] for row in done), default=0),
-            first=min(row["seed"] for row in rows), code=code, motions=" and ".join(MOTIONS.values()),
+            first=min(row["seed"] for row in rows), code=code,
+            motions=" and ".join(MOTIONS.values()),
         )
     ]  # fmt: skip
     failures = [row for row in rows if row["status"] == "failed"]

@@ -62,8 +62,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
     Returns:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
         after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
-        (see `TRACKING_SHARES`), errors of those that the tracker calls good, frames without the target
-        (see `CalcRecovery`), and times.
+        (see `TRACKING_SHARES`), errors of those that the tracker calls good, frames without the
+        target (see `CalcRecovery`), and times.
 
     Example:
         >>> from mffdrake.experiment.simulation import Simulate
