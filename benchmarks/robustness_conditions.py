@@ -188,8 +188,8 @@ GROUPS = (
     ),
     Group(
         name="encoder noise",
-        text="Normal noise of every joint angle that controller and feedforward read, another one every "
-        "tick (`encoders.noise_deg`).",
+        text="Normal noise of every joint angle that controller and feedforward read, another "
+        "one every tick (`encoders.noise_deg`).",
         make=lambda s, duration: f"encoders: {{noise_deg: {s}}}",
         strengths={f"{v} deg": v for v in (0.02, 0.05, 0.1)},
     ),
