@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.recovery import CalcRecovery, OutageEnd
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.parameters import kind_of
@@ -60,7 +61,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
     Returns:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
         after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
-        (see `TRACKING_SHARES`), and times.
+        (see `TRACKING_SHARES`), errors of those that the tracker calls good, frames without the
+        target (see `CalcRecovery`), and times.
 
     Example:
         >>> from mffdrake.experiment.simulation import Simulate
@@ -86,6 +88,8 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "rms": _RmsErrors(result, everything),
         "rms_settled": _RmsErrors(result, settled),
         "tracking": _TrackingShares(result),
+        "rms_tracked": _RmsErrors(result, _SaysSo(result)),
+        "recovery": CalcRecovery(result.time, IsRight(result), OutageEnd(scenario)),
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
         "stages_ms": result.stages_ms,
@@ -123,8 +127,13 @@ def IsRight(result: SimulationResult) -> NDArray[np.bool_]:
     return near & (rotation_angle(true[:, 3:], recognized[:, 3:]) <= RIGHT_ROTATION)
 
 
+def _SaysSo(result: SimulationResult) -> NDArray[np.bool_]:
+    """Which frames' poses the tracker calls good, shape (K,)."""
+    return result.is_tracking == 1.0
+
+
 def _TrackingShares(result: SimulationResult) -> dict[str, float]:
-    right, says_so = IsRight(result), result.is_tracking == 1.0
+    right, says_so = IsRight(result), _SaysSo(result)
     frames = (right, says_so, says_so & ~right, right & ~says_so)
     return {
         name: float(np.mean(chosen)) for name, chosen in zip(TRACKING_SHARES, frames, strict=True)

@@ -12,6 +12,7 @@ import numpy as np
 from mffdrake.experiment.evaluation import RMS_ERRORS, TRACKING_SHARES, FlattenRow
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.grid import Grid
+from mffdrake.experiment.recovery import RECOVERY
 from mffdrake.experiment.store import Record
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ _EVALUATED: dict[str, type] = {
     "duration": float, "frames": int, "mean_fitness": float, "mean_fitness_settled": float,
     **{f"{when}.{name}": float for when in ("rms", "rms_settled") for name in RMS_ERRORS},
     **{f"tracking.{name}": float for name in TRACKING_SHARES},
+    **{f"rms_tracked.{name}": float for name in RMS_ERRORS},
+    **{f"recovery.{name}": kind for name, kind in RECOVERY.items()},
     "wall_s": float, "realtime_factor": float,
 }  # fmt: skip
 

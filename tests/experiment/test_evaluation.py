@@ -10,12 +10,14 @@ import pytest
 
 from mffdrake.experiment.evaluation import (
     SETTLED_AFTER,
+    TRACKING_SHARES,
     Evaluate,
     MarkdownTable,
     Medians,
     Versions,
     WriteResults,
 )
+from mffdrake.experiment.recovery import RECOVERY
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
 
@@ -24,11 +26,12 @@ RMS_KEYS = ["x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rota
 SETTINGS = ["start", "coding", "refinement", "renderer"]  # Beyond what the issue lists.
 ROW_KEYS = [
     "method", "omega", "seed", *SETTINGS, "duration", "frames", "mean_fitness",
-    "mean_fitness_settled", "rms", "rms_settled", "wall_s", "realtime_factor", "stages_ms",
+    "mean_fitness_settled", "rms", "rms_settled", "tracking", "rms_tracked", "recovery", "wall_s",
+    "realtime_factor", "stages_ms",
 ]  # fmt: skip
 
 
-def make_result(time, *, true=0.0, recognized=0.0, fitness=1.0, wall_s=4.0, **scenario):
+def make_result(time, *, true=0.0, recognized=0.0, fitness=1.0, state=1, wall_s=4.0, **scenario):
     """A record with these poses, shape (6,) or (K, 6), and nothing remarkable besides."""
     text = "{" + ", ".join(f"{key}: {value}" for key, value in scenario.items()) + "}"
     count = len(time)
@@ -38,6 +41,9 @@ def make_result(time, *, true=0.0, recognized=0.0, fitness=1.0, wall_s=4.0, **sc
         true_pose=np.broadcast_to(true, (count, 6)).astype(float),
         recognized_pose=np.broadcast_to(recognized, (count, 6)).astype(float),
         fitness=np.broadcast_to(fitness, (count,)).astype(float),
+        state=np.broadcast_to(state, (count,)).astype(float),
+        confidence=np.full(count, np.nan),
+        is_tracking=np.ones(len(time)),
         desired_hand_pose=np.zeros((count, 6)),
         actual_hand_pose=np.zeros((count, 6)),
         joint_positions=np.zeros((count, 7)),
@@ -126,6 +132,29 @@ def test_where_nothing_is_settled_the_settled_figures_are_none():
     assert row["rms_settled"] == dict.fromkeys(RMS_KEYS)
     assert row["mean_fitness"] == 0.5
     assert row["rms"]["x_mm"] == pytest.approx(1.0)
+
+
+def test_tracked_figures_are_those_of_the_frames_that_the_tracker_calls_good():
+    tracks = np.arange(len(SHORT)) % 2
+    recognized = np.zeros((len(SHORT), 6))
+    recognized[:, 0] = np.where(tracks == 1, 0.002, 0.1)
+    row = Evaluate(make_result(SHORT, recognized=recognized, state=tracks))
+    assert row["rms_tracked"]["position_mm"] == pytest.approx(2.0)
+    assert row["tracking"] == {"right": 0.5, "says_so": 0.5, "false": 0.0, "missed": 0.0}
+    never = Evaluate(make_result(SHORT, recognized=recognized, state=0))
+    assert never["rms_tracked"] == dict.fromkeys(RMS_KEYS)
+    assert never["tracking"]["missed"] == 0.5
+
+
+def test_frames_to_recover_follow_the_scenarios_outage():
+    recognized = np.zeros((len(SHORT), 6))
+    recognized[3:8, 0] = 0.1
+    black = "[!Black {starts: [0.3], duration: 0.2}]"
+    row = Evaluate(make_result(SHORT, recognized=recognized, disturbances=black))
+    assert row["recovery"] == {
+        "first_right": 0, "longest_wrong": 5, "after_outage": 3, "recovered": True,
+    }  # fmt: skip
+    assert Evaluate(make_result(SHORT))["recovery"]["recovered"] is None
 
 
 def test_a_row_tells_what_was_run_and_how_fast():
@@ -228,7 +257,11 @@ def test_results_csv_has_one_line_a_run_and_a_column_a_figure(tmp_path):
         assert float(line["rms_settled.eps3"]) == row["rms_settled"]["eps3"]
         assert float(line["stages_ms.total"]) == row["stages_ms"]["total"]
     columns = {key for key in ROW_KEYS if not isinstance(rows[0][key], dict)}
-    columns |= {f"{section}.{key}" for section in ("rms", "rms_settled") for key in RMS_KEYS}
+    columns |= {
+        f"{section}.{key}" for section in ("rms", "rms_settled", "rms_tracked") for key in RMS_KEYS
+    }
+    columns |= {f"tracking.{key}" for key in TRACKING_SHARES}
+    columns |= {f"recovery.{key}" for key in RECOVERY}
     columns |= {f"stages_ms.{stage}" for stage in STAGES}
     assert set(read[0]) == columns
 
