@@ -35,7 +35,7 @@ def pick_distinct(
     closed = np.zeros(len(sources), dtype=np.bool_)
     picked = np.empty(count, dtype=np.int64)
     found = 0
-    for attempt in range(4 * count):
+    for _ in range(4 * count):
         if found == count:
             break
         niche = -1
@@ -55,9 +55,9 @@ def pick_distinct(
                 closed[niche] = True
         best = -1
         for i in range(len(poses)):
-            if free[i] and scores[i] > 0.0 and (niche < 0 or origins[i] == niche):
-                if best < 0 or scores[i] > scores[best]:
-                    best = i
+            allowed = free[i] and (niche < 0 or origins[i] == niche)
+            if allowed and scores[i] > (scores[best] if best >= 0 else 0.0):
+                best = i
         if best < 0:
             if niche < 0:
                 break

@@ -57,8 +57,8 @@ def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> tuple[Ar
     turns, R_CF, p_CF = np.empty((count, 4)), np.empty((count, 3, 3)), np.empty((count, 3))
     axes, half = np.empty((3, 3)), np.empty(4)
     for n in range(count):
-        blob, index = blobs[n], 0
-        for eye in eyes:
+        blob = blobs[n]
+        for index, eye in enumerate(eyes):
             if index == blob.camera:
                 turn_along(blob.x, blob.y, axes)
                 # From the z axis to the direction, the short way
@@ -76,7 +76,6 @@ def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> tuple[Ar
                     )
                 x, y, z = in_view(eye, 0.0, 0.0, 0.0)
                 p_CF[n, 0], p_CF[n, 1], p_CF[n, 2] = turned_back(eye, -x, -y, -z)
-            index += 1
     return turns, R_CF, p_CF
 
 
@@ -133,6 +132,8 @@ def pair_blobs(
                     common += min(looks[a, 3 * k], looks[b, 3 * k])
                     shown += looks[a, 3 * k] + looks[b, 3 * k] > 0.1
                 weight *= common * min(shown, 3) ** 2
+            if weight <= 0.0:
+                continue  # They have no color in common.
             kinds[found] = 0 if color < 0 else 1
             sources[found].blob, sources[found].depth, sources[found].weight = a, s, weight
             sums[kinds[found]] += weight

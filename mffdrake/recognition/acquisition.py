@@ -210,7 +210,7 @@ class Acquisition:
             (apart * _APART * self.matcher.solid.size, math.cos(0.5 * apart * _TURNED)),
             rng,
         )
-        return proposed.poses[picked]
+        return np.asarray(proposed.poses[picked])
 
     def _approach(self, starts: Array, scene: Scene, stages: tuple[Stage, ...]) -> Array:
         """Poses after some of the steps, those that found borders."""

@@ -174,6 +174,7 @@ class Proposer:
             lower, upper = span.lower[3:] - _MARGIN, span.upper[3:] + _MARGIN
             allowed |= ((eps >= lower) & (eps <= upper)).all(axis=1)
         distance = 0.5 * (self._bounds.nearest + self._bounds.farthest)
-        return _looks.make_looks(
+        table: Looks = _looks.make_looks(
             self.matcher.struct, self._face_classes, self._num_colors, distance, turns[allowed]
         )
+        return table

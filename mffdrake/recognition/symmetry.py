@@ -111,7 +111,7 @@ def find_look_alikes(solid: SolidModel) -> Array:
     """
     turns = find_turns(solid, _EXACTLY)
     differ = [not _keeps_colors(solid, R) for R in turns]
-    return turns[np.array(differ, dtype=bool)]
+    return np.asarray(turns[np.array(differ, dtype=bool)])
 
 
 def _keeps_colors(solid: SolidModel, R: Array) -> bool:
