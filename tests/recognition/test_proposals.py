@@ -1,4 +1,4 @@
-"""Where the target may be: blobs' frames, sources, proposals, and the choice among them."""
+"""Where the target may be: blobs' frames, sources, and proposals."""
 
 import itertools
 import math
@@ -13,6 +13,7 @@ from synthetic import (
     paper_box,
     pose,
     project,
+    random_poses,
     random_poses_in_view,
     render,
     rotation,
@@ -32,7 +33,6 @@ from mffdrake.recognition.proposals import Proposer
 from mffdrake.recognition.symmetry import find_look_alikes, find_turns
 
 _blobs = pytest.importorskip("mffdrake.recognition._blobs")
-_picking = pytest.importorskip("mffdrake.recognition._picking")
 _proposals = pytest.importorskip("mffdrake.recognition._proposals")
 
 BOX = paper_box()
@@ -58,15 +58,18 @@ def proposals_of(proposer, images, count=150, first=0, seed=0):
     return proposer.propose(scene, count, first, np.random.default_rng(seed))
 
 
-def off_by(psi, truth, solid=BOX):
-    """Distance of the middles [m] and angle [deg], modulo turns that look the same."""
-    middle = solid.vertices.mean(axis=0)
-    R, R_true = rotation(psi[3:]), rotation(truth[3:])
-    distance = np.linalg.norm(psi[:3] + R @ middle - truth[:3] - R_true @ middle)
+def off_by(poses, truth, solid=BOX):
+    """Distances of the middles [m] and angles [deg], modulo turns that look the same."""
+    middle, R_true = solid.vertices.mean(axis=0), rotation(truth[3:])
     alike = find_look_alikes(solid)
     same = [S for S in find_turns(solid, 0.02) if not any(np.allclose(S, T) for T in alike)]
-    angles = [np.linalg.norm(cv2.Rodrigues(R.T @ R_true @ S)[0]) for S in [np.eye(3), *same]]
-    return distance, math.degrees(min(angles))
+    distances, angles = [], []
+    for psi in poses:
+        R = rotation(psi[3:])
+        distances.append(np.linalg.norm(psi[:3] + R @ middle - truth[:3] - R_true @ middle))
+        turns = [R.T @ R_true @ S for S in [np.eye(3), *same]]
+        angles.append(min(np.linalg.norm(cv2.Rodrigues(turn)[0]) for turn in turns))
+    return np.array(distances), np.degrees(angles)
 
 
 def blobs_at(*places):
@@ -152,7 +155,7 @@ def test_a_pair_of_blobs_tells_exactly_where_a_plate_is():
         where, _ = place_pairs(proposer_of(STEREO, plate), images)
         assert len(where) == 1
         np.testing.assert_allclose(where[0], [x, y, z], atol=0.01)
-        np.testing.assert_allclose(where[0, :2], [x, y], atol=0.002)
+        np.testing.assert_allclose(where[0, :2], [x, y], atol=0.003)
 
 
 def place_pairs(proposer, images):
@@ -200,30 +203,35 @@ def test_blobs_that_meet_but_share_no_color_do_not_end_the_search():
         paint(images[k : k + 1], camera, center, 0.08, color)
     found = proposals_of(proposer_of(STEREO), images)
     assert np.isfinite(found.sources["weight"]).all()
-    assert len(found.poses) > 100
+    assert len(found.poses) > 50
 
 
-def test_a_screen_full_of_specks_is_searched_within_little_memory():
-    rng = np.random.default_rng(3)
-    images = []
-    for _ in range(2):
-        specks = np.full((240, 320, 3), 128, dtype=np.uint8)
-        for j, i in itertools.product(range(0, 236, 8), range(0, 312, 10)):
-            specks[j : j + 6, i : i + 8] = np.eye(3, dtype=np.uint8)[rng.integers(3)] * 255
-        images.append(specks)
+def test_there_is_room_for_all_pairs_of_many_blobs():
     proposer = proposer_of(STEREO)
-    found = proposals_of(proposer, images)
-    assert len(found.sources) > 100
-    owner = found.sources if found.sources.base is None else found.sources.base
-    assert owner.nbytes < 100 * 2**20
+    many, z = 40, 0.8
+    # All at one place: 200 cm^2, 0.8 m ahead of the right camera and 15 cm to the left one's right
+    places = [(0, 0, 0.02 / z**2, 0.0, 0.0)] * many
+    places += [(1, 0, 0.02 / z**2, 0.15 / z, 0.0)] * many
+    blobs = blobs_at(*places)
+    looks = np.zeros((2 * many, 12))
+    looks[:, 0] = 1.0
+    eyes = tuple(camera.eye for camera in STEREO.cameras)
+    _, R, p = _proposals.rig_frames(blobs, eyes, proposer._turns)
+    sources = _proposals.pair_blobs(blobs, looks, R, p, proposer._table, proposer._bounds)
+    pairs = ~np.isnan(sources["depth"])
+    assert pairs.sum() == many**2 and (~pairs).sum() == 2 * many
+    np.testing.assert_allclose(sources["depth"][pairs], z, rtol=1e-9)
+    np.testing.assert_allclose(sources["weight"][pairs], 1.0 / many**2, rtol=0.2)
+    assert sources["weight"][pairs].sum() == pytest.approx(1.0)
+    assert set(sources["blob"][pairs]) == set(range(many))
 
 
 # Proposals
 
 
-def count_right(found, truth, solid=BOX):
-    off = [off_by(psi, truth, solid) for psi in found.poses]
-    return sum(distance < 0.04 and angle < 20.0 for distance, angle in off)
+def count_right(poses, truth, solid=BOX):
+    distances, angles = off_by(poses, truth, solid)
+    return ((distances < 0.04) & (angles < 20.0)).sum()
 
 
 @rigs
@@ -231,18 +239,15 @@ def test_some_of_150_proposals_are_nearly_right(rig):
     proposer, counts = proposer_of(rig), []
     for seed, psi in enumerate(random_poses_in_view(np.random.default_rng(70), BOX, rig, 10)):
         found = proposals_of(proposer, render(BOX, psi, rig), seed=seed, first=150 * seed)
-        assert len(found.poses) == len(found.origins) == 150
+        assert 50 <= len(found.poses) == len(found.origins) <= 150
         assert (found.poses >= SearchRange().lower).all()
         assert (found.poses <= SearchRange().upper).all()
-        counts.append(count_right(found, psi))
+        counts.append(count_right(found.poses, psi))
     assert np.mean(counts) >= 5.0 and np.median(counts) >= 3.0
-    # By chance, of the 0.027 m^3 and a share of all orientations, there would be less than one.
-    chance = np.random.default_rng(71).uniform(
-        SearchRange().lower, SearchRange().upper, size=(1500, 6)
-    )
+    # By chance, there would be far fewer.
+    chance = random_poses(np.random.default_rng(71), 1500)
     chance = chance[np.linalg.norm(chance[:, 3:], axis=1) <= 1.0]
-    lucky = sum(d < 0.04 and a < 20.0 for d, a in (off_by(q, psi) for q in chance))
-    assert lucky / 10.0 < 0.2 * np.mean(counts)
+    assert count_right(chance, psi) / 10.0 < 0.2 * np.mean(counts)
 
 
 def test_a_prism_is_proposed_in_all_orientations():
@@ -254,7 +259,7 @@ def test_a_prism_is_proposed_in_all_orientations():
         eps = (eps / np.linalg.norm(eps) * np.sign(eps[0]))[1:]
         psi = pose((*rng.uniform(-0.1, 0.1, 1), 0.15, 0.8), eps)
         found = proposals_of(proposer, render(prism, psi, STEREO), seed=seed)
-        counts.append(count_right(found, psi, prism))
+        counts.append(count_right(found.poses, psi, prism))
     assert np.mean(counts) >= 5.0 and np.median(counts) >= 3.0
 
 
@@ -266,7 +271,7 @@ def test_a_solid_whose_frame_lies_beside_it_is_proposed_where_it_is():
         psi = pose((0.0, rng.uniform(0.0, 0.3), rng.uniform(0.8, 0.95)), (0.05, 0.05, 0.1))
         found = proposals_of(proposer, render(beside, psi, STEREO), seed=seed)
         assert (~np.isnan(found.sources["depth"])).any()
-        counts.append(count_right(found, psi, beside))
+        counts.append(count_right(found.poses, psi, beside))
     assert np.mean(counts) >= 3.0
 
 
@@ -302,78 +307,3 @@ def test_colors_that_cannot_be_told_apart_are_one():
     proposer = proposer_of(STEREO, sixfold)
     assert proposer._num_colors == 2
     np.testing.assert_array_equal(proposer._face_classes, [0, 0, 0, 0, 1, 1])
-
-
-# The choice
-
-
-def pick(poses, scores, origins, weights, numbers, apart, seed=0):
-    sources = np.zeros(len(weights), dtype=_proposals.SOURCE)
-    sources["weight"] = weights
-    return _picking.pick_distinct(
-        poses, scores, origins, sources, numbers, apart, np.random.default_rng(seed)
-    )
-
-
-def same(a, b, apart):
-    distance, cosine = apart
-    half = math.cos(0.5 * np.linalg.norm(cv2.Rodrigues(rotation(a[3:]).T @ rotation(b[3:]))[0]))
-    return np.linalg.norm(a[:3] - b[:3]) < distance and half > cosine
-
-
-def random_choice(seed, count=80):
-    rng = np.random.default_rng(seed)
-    poses = rng.uniform(-0.1, 0.1, size=(count, 6))
-    scores = np.where(rng.random(count) < 0.2, 0.0, np.round(rng.random(count), 3))
-    return poses, scores + 1e-7 * np.arange(count) * (scores > 0.0), rng.integers(-1, 9, count)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_best_distinct_ones_are_picked(seed):
-    poses, scores, origins = random_choice(seed)
-    apart = (0.08, math.cos(math.radians(7.0)))
-    picked = pick(poses, scores, origins, np.ones(9), (12, 0), apart)
-    expected = []
-    for n in np.argsort(-scores):
-        if scores[n] > 0.0 and not any(same(poses[n], poses[k], apart) for k in expected):
-            expected.append(n)
-    assert expected[:12] != list(np.argsort(-scores)[:12])
-    np.testing.assert_array_equal(picked, expected[:12])
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_those_that_are_drawn_are_the_best_of_different_sources(seed):
-    poses, scores, origins = random_choice(seed)
-    apart = (0.05, math.cos(math.radians(5.0)))
-    picked = pick(poses, scores, origins, np.ones(9), (10, 6), apart, seed)
-    assert len(picked) == 10
-    np.testing.assert_array_equal(picked[:4], pick(poses, scores, origins, [1.0], (4, 0), apart))
-    assert len(set(origins[picked[4:]])) == 6 and origins[picked[4:]].min() >= 0
-    for k in range(4, 10):
-        rivals = [
-            n for n in np.flatnonzero((origins == origins[picked[k]]) & (scores > 0.0))
-            if not any(same(poses[n], poses[m], apart) for m in picked[:k])
-        ]  # fmt: skip
-        assert picked[k] == max(rivals, key=lambda n: scores[n])
-    other = pick(poses, scores, origins, np.ones(9), (10, 6), apart, seed + 50)
-    assert list(other) != list(picked)
-
-
-def test_sources_are_drawn_by_their_weights():
-    poses, scores = np.zeros((3, 6)), np.array([0.3, 0.2, 0.1])
-    poses[:, 0] = [0.0, 1.0, 2.0]
-    drawn = [
-        pick(poses, scores, np.arange(3), [0.1, 0.2, 0.7], (1, 1), (0.1, 0.9), seed)[0]
-        for seed in range(600)
-    ]
-    np.testing.assert_allclose(np.bincount(drawn) / 600.0, [0.1, 0.2, 0.7], atol=0.06)
-
-
-def test_what_scores_nothing_is_never_picked():
-    poses, scores, origins = random_choice(9)
-    apart = (1e-6, 1.0 - 1e-12)
-    picked = pick(poses, scores, origins, np.ones(9), (80, 9), apart)
-    assert scores[picked].min() > 0.0 and len(set(picked)) == len(picked)
-    assert len(picked) == (scores > 0.0).sum()
-    assert len(pick(poses, 0.0 * scores, origins, np.ones(9), (80, 9), apart)) == 0
-    assert len(pick(poses[:0], scores[:0], origins[:0], [], (20, 10), apart)) == 0
