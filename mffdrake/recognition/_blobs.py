@@ -29,7 +29,7 @@ BLOB = np.dtype(
         ("area", np.float64),  # at distance 1
         ("x", np.float64),  # its center's direction, in normalized coordinates
         ("y", np.float64),
-        ("clipped", np.bool_),  # whether it meets the image's border
+        ("clipped", np.bool_),  # whether it meets the image's border, or the lens's
     ]
 )
 """A blob; what it shows of each color stands beside it, see `Found`."""
@@ -191,7 +191,11 @@ def find_blobs(
             blob.area += grid.area[j, i]
             blob.x += grid.area[j, i] * grid.x[j, i]
             blob.y += grid.area[j, i] * grid.y[j, i]
-            blob.clipped = blob.clipped or j == 0 or i == 0 or j == h - 1 or i == w - 1
+            if j == 0 or i == 0 or j == h - 1 or i == w - 1:
+                blob.clipped = True
+            else:  # beyond the lens there are NaN
+                around = grid.x[j - 1, i] + grid.x[j + 1, i] + grid.x[j, i - 1] + grid.x[j, i + 1]
+                blob.clipped = blob.clipped or around != around
     axes = np.empty((count, 3, 3))
     for n in range(count):
         blobs[n].x /= blobs[n].area

@@ -55,8 +55,8 @@ def pick_distinct(
                 closed[niche] = True
         best = -1
         for i in range(len(poses)):
-            may = free[i] and scores[i] > 0.0 and (niche < 0 or origins[i] == niche)
-            if may and (best < 0 or scores[i] > scores[best]):
+            allowed = free[i] and (niche < 0 or origins[i] == niche)
+            if allowed and scores[i] > (scores[best] if best >= 0 else 0.0):
                 best = i
         if best < 0:
             if niche < 0:

@@ -89,7 +89,7 @@ def pair_blobs(
     up to one, where there are any.
     """
     count = len(blobs)
-    sources = np.empty(count * count + count, dtype=SOURCE)
+    sources = np.empty(4 * count + 16, dtype=SOURCE)  # more when there are more
     num_colors = (looks.shape[1] - 3) // 3
     most, least = np.zeros(num_colors + 1), np.full(num_colors + 1, np.inf)  # areas seen [m^2]
     for n in range(len(table.area)):
@@ -99,7 +99,6 @@ def pair_blobs(
     least[1:] = 0.25 * most[1:]
     found = 0
     sums = np.zeros(3)
-    kinds = np.empty(len(sources), dtype=np.int64)
     for a in range(count):
         for b in range(count):
             if blobs[a].camera >= blobs[b].camera or blobs[a].color != blobs[b].color:
@@ -132,9 +131,14 @@ def pair_blobs(
                     common += min(looks[a, 3 * k], looks[b, 3 * k])
                     shown += looks[a, 3 * k] + looks[b, 3 * k] > 0.1
                 weight *= common * min(shown, 3) ** 2
-            kinds[found] = 0 if color < 0 else 1
+            if weight <= 0.0:
+                continue  # They have no color in common.
+            if found + count >= len(sources):  # Room for the single ones is left, too.
+                more = np.empty(2 * len(sources), dtype=SOURCE)
+                more[:found] = sources[:found]
+                sources = more
             sources[found].blob, sources[found].depth, sources[found].weight = a, s, weight
-            sums[kinds[found]] += weight
+            sums[0 if color < 0 else 1] += weight
             found += 1
     for a in range(count):
         color = blobs[a].color
@@ -147,13 +151,14 @@ def pair_blobs(
             shown = 0
             for k in range(num_colors):
                 shown += looks[a, 3 * k] > 0.05
-        kinds[found] = 2
         sources[found].blob, sources[found].depth = a, np.nan
         sources[found].weight = min(shown, 3) ** 2
         sums[2] += sources[found].weight
         found += 1
     for n in range(found):
-        sources[n].weight /= sums[kinds[n]]
+        source = sources[n]
+        kind = 2 if math.isnan(source.depth) else 0 if blobs[source.blob].color < 0 else 1
+        source.weight /= sums[kind]
     return sources[:found]
 
 
@@ -176,17 +181,17 @@ def propose(
     """
     turns, R_CF, p_CF = frames
     poses, origins = np.empty((count, 6)), np.empty(count, dtype=np.int64)
-    num_alike = 16
+    made, size = 0, len(table.area)
+    num_alike = min(16, size)
     alike = np.full((len(blobs), num_alike), -1, dtype=np.int64)
     total = 0.0
     for source in sources:
         total += source.weight
-    made, size = 0, len(table.area)
     stride = 1 + int(0.6180339887498949 * size)
     while math.gcd(stride, size) != 1:
         stride += 1
     jitter = np.empty(4)
-    for attempt in range(8 * count if total > 0.0 else 0):
+    for attempt in range(8 * count if total > 0.0 and size > 0 else 0):
         if made == count:
             break
         left, n = rng.random() * total, 0

@@ -47,7 +47,7 @@ class Proposer:
 
     *Blobs* are connected patches of pixels of any of the colors, and of one of them each. *Places*:
     two blobs of two cameras that may be one thing, by their sizes and as their lines of sight
-    meet, are at a place; of a single blob, its size tells how far away it is. *Orientations*: half
+    meet, are at a place; of a single blob, its size tells how far away it is. *Orientations*: most
     of those for a blob of any color are those in which the solid looks most like it, by the shares
     of the colors and where they lie, from a table of looks; the others are spread evenly.
 
@@ -82,7 +82,8 @@ class Proposer:
             rng: Source of randomness.
 
         Returns:
-            The proposals; fewer where the images show little.
+            The proposals; fewer where few of those drawn lie in the search range, none where the
+            images show nothing of the solid's colors.
         """
         from mffdrake.recognition import _blobs, _proposals  # numba: slow to import
 
@@ -139,7 +140,7 @@ class Proposer:
         """Numbers of the colors by their bits, -1 for those of other things."""
         m = self.matcher
         classes = np.full(32, -1, dtype=np.int8)
-        bits = np.log2(m.colors.bits_of(m.solid.materials)).astype(int)
+        bits = np.rint(np.log2(m.colors.bits_of(m.solid.materials))).astype(int)
         classes[bits] = self._face_classes
         return classes
 
@@ -160,7 +161,9 @@ class Proposer:
             inside = np.clip(camera.p_CK, ends[0], ends[1])
             near = min(near, float(np.linalg.norm(inside - camera.p_CK)))
             far = max(far, float(np.linalg.norm(corners - camera.p_CK, axis=1).max()))
-        return Bounds(span.lower, span.upper, max(0.0, near - 0.5 * size), far + 0.5 * size, size)
+        # What is seen lies about the solid's middle, which may be beside its frame's origin.
+        reach = 0.5 * size + float(np.linalg.norm(solid.vertices.mean(axis=0)))
+        return Bounds(span.lower, span.upper, max(0.0, near - reach), far + reach, size)
 
     @cached_property
     def _table(self) -> Looks:

@@ -43,7 +43,7 @@ def make_result(time, *, true=0.0, recognized=0.0, fitness=1.0, state=1, wall_s=
         fitness=np.broadcast_to(fitness, (count,)).astype(float),
         state=np.broadcast_to(state, (count,)).astype(float),
         confidence=np.full(count, np.nan),
-        is_tracking=np.ones(len(time)),
+        is_tracking=np.broadcast_to(np.asarray(state) == 1, (count,)).astype(float),
         desired_hand_pose=np.zeros((count, 6)),
         actual_hand_pose=np.zeros((count, 6)),
         joint_positions=np.zeros((count, 7)),

@@ -206,6 +206,20 @@ def test_materials_have_the_bits_and_the_likeness_of_their_colors():
     np.testing.assert_array_equal(UNEVEN.alike(materials), np.array(same, dtype=bool))
 
 
+def test_colors_that_cannot_be_told_apart_count_as_the_first_of_them():
+    materials = ("sky", "amber", "leaf", "orange", "wine", "amber")
+    np.testing.assert_array_equal(UNEVEN.first_alike(materials), [4, 1, 3, 1, 0, 1])
+    np.testing.assert_array_equal(PRIMARIES.first_alike(PRIMARIES.names), [0, 1, 2])
+    twins = ColorModel.of_hues({"a": 1.0, "b": 3.0, "c": 1.0, "d": 3.0}, tolerance=0.0)
+    np.testing.assert_array_equal(twins.first_alike("dcba"), [1, 0, 1, 0])
+    # What overlaps a little can be told apart.
+    near = ColorModel.of_hues({"a": 1.0, "b": 1.3}, tolerance=0.4)
+    assert near.overlaps() == [("a", "b")]
+    np.testing.assert_array_equal(near.first_alike("ab"), [0, 1])
+    with pytest.raises(ValueError, match="pink"):
+        UNEVEN.first_alike(["pink"])
+
+
 # The look-up table
 
 

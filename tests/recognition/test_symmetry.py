@@ -5,7 +5,7 @@ import pytest
 from synthetic import hexagonal_prism, paper_box, pose, rotation, tetrahedron
 
 from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
-from mffdrake.recognition.symmetry import find_turns, turn_about_middle
+from mffdrake.recognition.symmetry import find_look_alikes, find_turns, turn_about_middle
 
 
 @pytest.mark.parametrize(
@@ -56,3 +56,41 @@ def test_turning_keeps_the_middle_where_it_is_and_composes_the_rotation():
         np.testing.assert_allclose(
             rotation(turned[3:]) @ middle + turned[:3], R @ middle + psi[:3], atol=1e-12
         )
+
+
+CUBE = SolidModel.box((0.1, 0.1, 0.1), (RED, GREEN, BLUE))
+
+
+def prism_of_two_hues():
+    """All sides of one color, both ends of another."""
+    prism = hexagonal_prism(radius=0.08, height=0.3)
+    return SolidModel(prism.vertices, prism.faces, [0.0, 0.0] + 6 * [2.0])
+
+
+@pytest.mark.parametrize(
+    ("solid", "count"),
+    [
+        (paper_box(), 0),  # Half turns bring pairs of faces onto themselves,
+        (SolidModel(paper_box().vertices, paper_box().faces, np.arange(6.0)), 3),  # not six colors.
+        (CUBE, 20),
+        (
+            SolidModel(SolidModel.box((1, 1, 1), (0, 1, 2)).vertices, paper_box().faces, range(6)),
+            23,
+        ),
+        (SolidModel.box((0.1, 0.1, 0.1), (RED, RED, RED)), 0),
+        (SolidModel.box((0.1, 0.11, 0.2), (RED, GREEN, BLUE)), 0),  # nearly square is not square
+        (hexagonal_prism(radius=0.08, height=0.3), 11),
+        (prism_of_two_hues(), 0),
+        (tetrahedron(), 11),
+    ],
+)
+def test_look_alikes_keep_the_shape_but_not_the_colors(solid, count):
+    moved = SolidModel(solid.vertices + [0.3, -0.2, 0.1], solid.faces, solid.hues)
+    for one in (solid, moved):
+        found = find_look_alikes(one)
+        assert found.shape == (count, 3, 3)
+        arms = one.centers - one.vertices.mean(axis=0)
+        for R in found:
+            apart = np.linalg.norm((arms @ R.T)[:, None] - arms, axis=-1)
+            assert apart.min(axis=1).max() < 1e-9
+            assert not np.allclose(one.hues[apart.argmin(axis=1)], one.hues)
