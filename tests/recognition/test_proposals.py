@@ -87,38 +87,6 @@ def paint(images, rig, center, radius, color):
     return images
 
 
-# Frames
-
-
-@rigs
-def test_a_blob_s_frame_has_its_origin_in_the_camera_and_looks_along_the_blob(rig):
-    rng = np.random.default_rng(1)
-    eyes = tuple(camera.eye for camera in rig.cameras)
-    turns_CK = np.array([quaternion_of(camera.R_CK) for camera in rig.cameras])
-    places = [(rng.integers(len(eyes)), -1, 0.01, *rng.uniform(-0.8, 0.8, 2)) for _ in range(20)]
-    places.append((0, -1, 0.01, 0.0, 0.0))
-    turns, R_CF, p_CF = _proposals.rig_frames(blobs_at(*places), eyes, turns_CK)
-    for (k, _, _, x, y), turn, R, p in zip(places, turns, R_CF, p_CF, strict=True):
-        camera = rig.cameras[k]
-        np.testing.assert_allclose(p, camera.p_CK, atol=1e-12)
-        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(R) == pytest.approx(1.0)
-        ahead = np.array([x, y, 1.0]) / np.linalg.norm([x, y, 1.0])
-        np.testing.assert_allclose(R[:, 2], camera.R_CK @ ahead, atol=1e-9)
-        # Turned from the camera the short way: by no more than the angle to the blob.
-        turned = np.linalg.norm(cv2.Rodrigues(camera.R_CK.T @ R)[0])
-        assert turned == pytest.approx(math.acos(min(1.0, ahead[2])), abs=1e-6)
-        np.testing.assert_allclose(rotation(turn[1:]), R, atol=1e-9)
-        assert turn[0] >= 0.0 and np.linalg.norm(turn) == pytest.approx(1.0)
-
-
-def quaternion_of(R):
-    vector = cv2.Rodrigues(R)[0].ravel()
-    angle = np.linalg.norm(vector)
-    axis = vector / angle if angle > 0.0 else vector
-    return np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * axis)])
-
-
 # Sources
 
 
@@ -158,13 +126,18 @@ def test_a_pair_of_blobs_tells_exactly_where_a_plate_is():
         np.testing.assert_allclose(where[0, :2], [x, y], atol=0.003)
 
 
-def place_pairs(proposer, images):
-    """Places in the rig's frame of pairs of blobs of any color, and their weights."""
+def blobs_of(proposer, images):
+    """What is found in each image, of any color and of one."""
     scene, found = proposer.matcher.scene(images), []
     for k, (view, grid) in enumerate(zip(scene.views, proposer._grids, strict=True)):
         labels = _blobs.label_pixels(view, grid, scene.gate, proposer._classes)
         found += [_blobs.find_blobs(labels, grid, k, 3, one, 6) for one in (False, True)]
-    blobs = np.concatenate([one.blobs for one in found])
+    return found
+
+
+def place_pairs(proposer, images):
+    """Places in the rig's frame of pairs of blobs of any color, and their weights."""
+    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
     sources = proposals_of(proposer, images, 1).sources
     pairs = [s for s in sources if not math.isnan(s["depth"]) and blobs[s["blob"]]["color"] < 0]
     where = []
@@ -248,6 +221,63 @@ def test_some_of_150_proposals_are_nearly_right(rig):
     chance = random_poses(np.random.default_rng(71), 1500)
     chance = chance[np.linalg.norm(chance[:, 3:], axis=1) <= 1.0]
     assert count_right(chance, psi) / 10.0 < 0.2 * np.mean(counts)
+
+
+def test_at_its_proposals_the_solid_shows_its_color_where_the_blob_is():
+    alone = CameraRig(STEREO.cameras[:1])
+    images = render(BOX, pose((0.03, 0.12, 0.78), (0.2, 0.3, 0.1)), alone)
+    wide = SearchRange(x=(-0.6, 0.6), y=(-0.3, 0.5), z=(0.4, 2.0))
+    proposer = proposer_of(alone, BOX, wide)
+    found, at = proposals_of(proposer, images, 600), np.indices((240, 320)).reshape(2, -1)
+    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
+    apart, ratios = [], []
+    for psi, origin in zip(found.poses, found.origins, strict=True):
+        blob = blobs[found.sources[origin]["blob"]]
+        masks = [
+            np.any(im != 128, axis=-1) if blob["color"] < 0 else im[..., blob["color"]] == 255
+            for im in (images[0], render(BOX, psi, alone)[0])
+        ]
+        if masks[1].any():
+            (v0, u0), (v1, u1) = (at[:, mask.ravel()].mean(axis=1) for mask in masks)
+            apart.append((u1 - u0, v1 - v0) if blob["color"] >= 0 else (0.0, 0.0))
+            ratios.append(masks[1].sum() / masks[0].sum())
+    apart, ratios = np.array(apart), np.array(ratios)
+    apart = apart[np.any(apart != 0.0, axis=1)]
+    assert len(apart) > 40 and len(ratios) - len(apart) > 300
+    # They are spread by about 13 mm, which is 5 px, along each side.
+    assert np.median(np.abs(apart)) < 6.0
+    assert np.abs(np.median(apart, axis=0)).max() < 2.5
+    assert 0.85 < np.median(ratios) < 1.15
+
+
+def test_half_a_blob_may_be_nearer_than_its_area_tells():
+    alone, depths = CameraRig(STEREO.cameras[:1]), []
+    for x, count in ((0.0, 150), (0.41, 150)):
+        truth = pose((x, 0.05, 0.75), (0.1, 0.2, 0.0))
+        span = SearchRange(x=(-0.6, 0.6), y=(-0.3, 0.3), z=(0.3, 2.0))
+        found = proposals_of(proposer_of(alone, BOX, span), render(BOX, truth, alone), count)
+        depths.append(found.poses[:, 2])
+    whole, cut = depths
+    assert np.median(whole) == pytest.approx(0.72, abs=0.05)
+    # The half that is seen would be whole at 1.1 m.
+    near, far = np.quantile(cut, [0.1, 0.9])
+    assert near < 0.7 and far > 1.0
+
+
+def test_sources_are_taken_by_their_weights():
+    images = render(BOX, pose((0.0, 0.15, 0.8), (0.2, 0.3, 0.1)), STEREO)
+    wide = SearchRange(x=(-1.0, 1.0), y=(-1.0, 1.0), z=(0.1, 3.0))
+    proposer = proposer_of(STEREO, BOX, wide)
+    found = proposals_of(proposer, images, 1000)
+    counts = np.bincount(found.origins, minlength=len(found.sources)) / len(found.origins)
+    # Of those for a color, many fail: it is not seen from everywhere.
+    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
+    whole = blobs[found.sources["blob"]]["color"] < 0
+    weights = found.sources["weight"][whole]
+    assert whole.sum() == 3 and np.ptp(weights) > 0.5
+    np.testing.assert_allclose(
+        counts[whole] / counts[whole].sum(), weights / weights.sum(), atol=0.05
+    )
 
 
 def test_a_prism_is_proposed_in_all_orientations():
