@@ -174,6 +174,10 @@ def test_the_docstring_names_the_ports_in_their_order(name):
         assert block["name"] == type(system).__name__
 
 
+NEEDED_INPUTS = {"X_WM": "X_WC"}
+"""Output ports that only an optional input makes known."""
+
+
 def run(system, connected):
     """Evaluates all outputs and forced events with some of the input ports connected."""
     context = system.CreateDefaultContext()
@@ -190,7 +194,9 @@ def run(system, connected):
     system.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())
     system.ForcedPublish(context)
     for k in range(system.num_output_ports()):
-        system.get_output_port(k).Eval(context)
+        port = system.get_output_port(k)
+        if NEEDED_INPUTS.get(port.get_name(), "") in ("", *connected):
+            port.Eval(context)
 
 
 LEAF_SYSTEMS = sorted(name for name in SYSTEMS if inspect.isclass(documented().get(name)))

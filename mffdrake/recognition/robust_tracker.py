@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses as dc
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, Candidate
+from mffdrake.recognition.acquisition import AcquisitionParameters
 from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.confidence import Evidence, confidence, probability_within
 from mffdrake.recognition.generation import Generation
@@ -22,9 +22,9 @@ from mffdrake.recognition.pose_filter import (
     body_covariance,
     pose_covariance,
 )
-from mffdrake.recognition.refinement import BorderRefiner, Refinement
+from mffdrake.recognition.refinement import BorderRefiner
+from mffdrake.recognition.sight import Seen, Sight
 from mffdrake.recognition.starts import Start
-from mffdrake.recognition.symmetry import find_look_alikes, turn_about_middle
 from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.tracking_state import TrackingState
 
@@ -36,10 +36,7 @@ Array = NDArray[np.float64]
 _NEAR = 20  # proposals where the target was last seen
 _LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
 _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
-_SAME = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one pose, not two
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
-_AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
-_SEEN = (TrackingState.TRACKING, TrackingState.AMBIGUOUS)
 _STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
 _UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
 
@@ -48,25 +45,6 @@ PER_FRAME = PoseFilterParameters(
     adaptive=True,
 )  # fmt: skip
 """How a target may move on top of what feedforward tells, with the frame as the unit of time."""
-
-
-class Seen(NamedTuple):
-    """A pose that the images show.
-
-    Attributes:
-        refined: Its refinement, which converged.
-        explained: Share of its borders that they show.
-        ambiguous: Whether they show another pose as well.
-    """
-
-    refined: Refinement
-    explained: float
-    ambiguous: bool = False
-
-    @property
-    def pose(self) -> Array:
-        """Pose vector, shape (6,)."""
-        return self.refined.pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,40 +205,21 @@ class RobustTracker:
         assert generation.motion is not None
         predicted = generation.motion.pose
         bred = self.ga.breed(generation, scene, rng, center=predicted)
-        seen = self._look_near(bred.best, predicted, scene)
+        seen = self._sight.near(bred.best, predicted, scene)
         if seen is None:
             return None, bred
         if seen.explained < p.sure or generation.state == TrackingState.AMBIGUOUS:
-            other, _ = self._find(bred, scene, frame, rng)
+            other, _ = self._sight.anywhere(scene, bred.poses[:1], frame, rng)
             tracked = generation.is_tracking
-            if other is not None and not self._same(other.pose, seen.pose):
+            if other is not None and not self._sight.is_one(other.pose, seen.pose):
                 better = other.explained - seen.explained
                 if better > p.margin * (_INSIST if tracked else 1.0):
                     seen = other
                 elif better > -p.margin:
                     seen = seen._replace(ambiguous=True)
             elif not tracked:
-                seen = self._resolve(seen, scene)
+                seen = self._sight.resolve(seen, scene)
         return seen, bred
-
-    def _look_near(self, bred: Array, predicted: Array, scene: Scene) -> Seen | None:
-        """What the images show near two poses, with wide steps only where narrow ones fail."""
-        for start in (bred, predicted):
-            seen = self._refine(start, scene, self.parameters.lost)
-            if seen is not None:
-                return seen
-        steps = self._acquisition.approach(np.stack([predicted, bred]), scene)
-        for candidate in steps[:1]:
-            return self._refine(candidate.pose, scene, self.parameters.lost)
-        return None
-
-    def _refine(self, pose: ArrayLike, scene: Scene, least: float) -> Seen | None:
-        """A pose refined, if the images show it."""
-        refined = self._refiner.refine_scene(pose, scene)
-        if not refined.converged:
-            return None
-        explained = self._acquisition.explained(refined.pose, scene)
-        return Seen(refined, explained) if explained >= least else None
 
     def _search(
         self,
@@ -271,7 +230,10 @@ class RobustTracker:
         rng: np.random.Generator,
     ) -> Generation:
         """Takes a frame on which the pose is not known, or only by prediction."""
-        seen, candidates = self._find(generation, scene, frame, rng)
+        known = generation.poses[:1]
+        if generation.motion is not None:
+            known = np.concatenate([known, self._draw_near(generation.motion, rng)])
+        seen, candidates = self._sight.anywhere(scene, known, frame, rng)
         if seen is not None:
             return self._took(dc.replace(generation, motion=None), seen, images)
         unseen = self._unseen(generation)
@@ -303,52 +265,13 @@ class RobustTracker:
             unseen=generation.unseen + 1,
         )
 
-    def _find(
-        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
-    ) -> tuple[Seen | None, list[Candidate]]:
-        """The pose that explains most, if it is one; and all that were looked at."""
-        p = self.parameters
-        known = generation.poses[:1]
-        if generation.motion is not None and generation.state not in _SEEN:
-            known = np.concatenate([known, self._draw_near(generation, rng)])
-        candidates = self._acquisition.search(scene, known, frame, rng)
-        for candidate in candidates[:1]:
-            if candidate.explained >= 0.5 * p.found:
-                seen = self._refine(candidate.pose, scene, p.found)
-                if seen is not None:
-                    return self._resolve(seen, scene), candidates
-        return None, candidates
-
-    def _draw_near(self, generation: Generation, rng: np.random.Generator) -> Array:
+    def _draw_near(self, motion: PoseFilter, rng: np.random.Generator) -> Array:
         """Poses where the target may be by now, shape (K, 6)."""
-        assert generation.motion is not None
-        std = np.sqrt(np.diag(generation.motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
+        std = np.sqrt(np.diag(motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
         spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
-        near = generation.motion.pose + spread * rng.standard_normal((_NEAR, 6))
+        near = motion.pose + spread * rng.standard_normal((_NEAR, 6))
         near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
         return np.asarray(near)
-
-    def _resolve(self, seen: Seen, scene: Scene) -> Seen:
-        """Of the poses in which the solid's shape looks the same, the one whose colors fit best."""
-        turned = turn_about_middle(seen.pose, self.matcher.solid, self._look_alikes)
-        if len(turned) == 0:
-            return seen
-        fitness = self.matcher.score(np.concatenate([seen.pose[None], turned]), scene)
-        best = int(np.argmax(fitness))
-        explained = [seen.explained, *(self._acquisition.explained(q, scene) for q in turned)]
-        if best > 0 and explained[best] >= seen.explained - self.parameters.margin:
-            better = self._refine(turned[best - 1], scene, self.parameters.found)
-            if better is not None:
-                seen = better
-        rivals = np.delete(fitness, best) > fitness[best] - _AS_FIT
-        rivals &= np.delete(explained, best) > explained[best] - self.parameters.margin
-        return seen._replace(ambiguous=bool(rivals.any()))
-
-    def _same(self, pose: Array, other: Array) -> bool:
-        apart, turned = _SAME
-        distance = float(np.linalg.norm(pose[:3] - other[:3]))
-        angle = float(rotation_angle(pose[3:], other[3:]))
-        return distance <= apart * self.matcher.solid.size and angle <= turned
 
     def _took(self, generation: Generation, seen: Seen, images: Images) -> Generation:
         """A frame whose images show the pose."""
@@ -387,15 +310,7 @@ class RobustTracker:
             motion=motion,
         )
 
-    @property
-    def _refiner(self) -> BorderRefiner:
+    @cached_property
+    def _sight(self) -> Sight:
         assert isinstance(self.ga.refiner, BorderRefiner)  # as was checked
-        return self.ga.refiner
-
-    @cached_property
-    def _acquisition(self) -> Acquisition:
-        return Acquisition(self._refiner, self.ga.coding.search_range, self.parameters)
-
-    @cached_property
-    def _look_alikes(self) -> Array:
-        return find_look_alikes(self.matcher.solid)
+        return Sight(self.ga.refiner, self.ga.coding.search_range, self.parameters)

@@ -17,6 +17,7 @@ from mffdrake.recognition.matching import NO_GAINS
 from mffdrake.recognition.pose import transform_from_pose
 from mffdrake.recognition.pose_filter import NUM_NUMBERS, PoseFilter
 from mffdrake.systems._callbacks import Weakly
+from mffdrake.systems._tracker_checks import CheckGeneration, CheckTracker
 from mffdrake.systems.timing import Timing
 
 __all__ = ["OneStepGaRecognizer", "PoseRecognizer"]
@@ -106,7 +107,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
 
     def __init__(self, *, tracker: TrackerT, timing: Timing | None = None) -> None:
         super().__init__()
-        _CheckTracker(tracker)
+        CheckTracker(tracker)
         self._tracker = tracker
         self._timing = Timing() if timing is None else timing
         n = tracker.num_hypotheses
@@ -187,10 +188,10 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         frame = int(context.get_discrete_state(self._num_frames).value()[0])
         if frame == 0:
             generation = self._tracker.start_population(images, frame=frame)
-            _CheckGeneration(generation, self._tracker, "start_population")
+            CheckGeneration(generation, self._tracker, "start_population")
         else:
             generation = self._tracker.track(self._LastGeneration(context), images, frame=frame)
-            _CheckGeneration(generation, self._tracker, "track")
+            CheckGeneration(generation, self._tracker, "track")
         discrete_state.set_value(self._num_frames, [frame + 1])
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
@@ -332,35 +333,3 @@ class OneStepGaRecognizer(PoseRecognizer[OneStepGaTracker]):
         >>> recognizer.GetOutputPort("frame_time").Eval(context)
         array([0.])
     """
-
-
-def _CheckTracker(tracker: Tracker) -> None:
-    """Checks what a tracker says of itself."""
-    name, pose = type(tracker).__name__, np.asarray(tracker.initial_pose)
-    if tracker.num_hypotheses < 1:
-        raise ValueError(f"{name}: num_hypotheses must be at least 1, not {tracker.num_hypotheses}")
-    if pose.shape != (6,) or not np.isfinite(pose).all():
-        raise ValueError(
-            f"{name}: initial_pose must be a pose vector of 6 finite numbers, not {pose.tolist()}"
-        )
-
-
-def _CheckGeneration(generation: Generation, tracker: Tracker, method: str) -> None:
-    """Checks what a tracker returned: the state takes numbers of these shapes alone."""
-    n = tracker.num_hypotheses
-    where = f"{type(tracker).__name__}.{method}"
-    shapes = {"poses": (n, 6), "fitness": (n,), "gains": (3,)}
-    if generation.covariance is not None:
-        shapes["covariance"] = (6, 6)
-    for name, expected in shapes.items():
-        shape = np.shape(getattr(generation, name))
-        if shape != expected:
-            raise ValueError(
-                f"{where} returned {name} of shape {shape}; with num_hypotheses {n} it must be "
-                f"of shape {expected}"
-            )
-    if not (np.isfinite(generation.poses).all() and np.isfinite(generation.fitness).all()):
-        raise ValueError(
-            f"{where} returned poses or fitness that are not finite; where nothing is found, "
-            "return the carried poses with fitness 0"
-        )

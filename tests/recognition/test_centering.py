@@ -33,7 +33,7 @@ def found(psi, images):
     """Scene, lines and trusted borders at a pose."""
     scene = REFINER.matcher.scene(images)
     lines = _edge_lines.edge_lines(psi, scene.solid.vertices, scene.solid.edges, scene.views)
-    stage, rules = borders_module.Stage(3, 1, 8), borders_module.BorderRules(*REFINER._rules)
+    stage, rules = borders_module.Stage(3, 1, 8), REFINER.rules
     borders = borders_module.find_borders(psi, lines, scene, rules, stage)[0].copy()
     borders["weight"] = 1.0
     return scene, lines, borders

@@ -30,6 +30,7 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
+from mffdrake.recognition.pose_filter import NUM_NUMBERS
 from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
@@ -402,8 +403,8 @@ def test_all_of_its_state_is_discrete_numbers():
     context = recognizer.CreateDefaultContext()
     assert context.num_abstract_states() == 0
     assert context.num_continuous_states() == 0
-    # Poses, fitness; number, time; covariance; white balance
-    assert len(state(context)) == 7 * N + 2 + 36 + 3
+    # Poses, fitness; number, time; covariance; white balance; verdict; motion; images; cameras
+    assert len(state(context)) == 7 * N + 2 + 36 + 3 + 4 + NUM_NUMBERS + 2 + 12
     assert recognizer.num_hypotheses == N
 
 

@@ -1,0 +1,141 @@
+"""What one frame's images show of the target: near where it should be, or anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, Candidate
+from mffdrake.recognition.genetic import SearchRange
+from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.refinement import BorderRefiner, Refinement
+from mffdrake.recognition.symmetry import find_look_alikes, turn_about_middle
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._structs import Scene
+
+Array = NDArray[np.float64]
+
+_ONE = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one pose, not two
+_AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
+
+
+class Seen(NamedTuple):
+    """A pose that the images show.
+
+    Attributes:
+        refined: Its refinement, which converged.
+        explained: Share of its borders that they show.
+        ambiguous: Whether they show another pose as well.
+    """
+
+    refined: Refinement
+    explained: float
+    ambiguous: bool = False
+
+    @property
+    def pose(self) -> Array:
+        """Pose vector, shape (6,)."""
+        return self.refined.pose
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Looks for poses that can be refined and explain their borders.
+
+    Attributes:
+        refiner: It refines them; its matcher has the solid, its colors and the cameras.
+        search_range: Where they are looked for.
+        parameters: How, and when they are believed.
+    """
+
+    refiner: BorderRefiner
+    search_range: SearchRange
+    parameters: AcquisitionParameters
+
+    def near(self, bred: Array, predicted: Array, scene: Scene) -> Seen | None:
+        """What the images show near two poses, with wide steps only where narrow ones fail.
+
+        Args:
+            bred: Pose vector of the GA's best individual, shape (6,).
+            predicted: Pose vector where the target should be, shape (6,).
+            scene: The images, see `Matcher.scene`.
+        """
+        for start in (bred, predicted):
+            seen = self._refine(start, scene, self.parameters.lost)
+            if seen is not None:
+                return seen
+        steps = self._acquisition.approach(np.stack([predicted, bred]), scene)
+        for candidate in steps[:1]:
+            return self._refine(candidate.pose, scene, self.parameters.lost)
+        return None
+
+    def anywhere(
+        self, scene: Scene, known: Array, frame: int, rng: np.random.Generator
+    ) -> tuple[Seen | None, list[Candidate]]:
+        """The pose that explains most, if it is one; and all that were looked at.
+
+        Args:
+            scene: The images.
+            known: Pose vectors that are tried besides the proposals, shape (K, 6).
+            frame: Number of the frame.
+            rng: Source of randomness.
+        """
+        candidates = self._acquisition.search(scene, known, frame, rng)
+        for candidate in candidates[:1]:
+            if candidate.explained >= 0.5 * self.parameters.found:
+                seen = self._refine(candidate.pose, scene, self.parameters.found)
+                if seen is not None:
+                    return self.resolve(seen, scene), candidates
+        return None, candidates
+
+    def resolve(self, seen: Seen, scene: Scene) -> Seen:
+        """Of the poses in which the solid's shape looks the same, the one whose colors fit best.
+
+        Args:
+            seen: One of them.
+            scene: The images.
+
+        Returns:
+            It, ambiguous where another's colors fit as well.
+        """
+        turned = turn_about_middle(seen.pose, self.refiner.matcher.solid, self._look_alikes)
+        if len(turned) == 0:
+            return seen
+        fitness = self.refiner.matcher.score(np.concatenate([seen.pose[None], turned]), scene)
+        best = int(np.argmax(fitness))
+        explained = [seen.explained, *(self._acquisition.explained(q, scene) for q in turned)]
+        if best > 0 and explained[best] >= seen.explained - self.parameters.margin:
+            better = self._refine(turned[best - 1], scene, self.parameters.found)
+            if better is not None:
+                seen = better
+        rivals = np.delete(fitness, best) > fitness[best] - _AS_FIT
+        rivals &= np.delete(explained, best) > explained[best] - self.parameters.margin
+        return seen._replace(ambiguous=bool(rivals.any()))
+
+    def is_one(self, pose: Array, other: Array) -> bool:
+        """Whether two pose vectors, each of shape (6,), are one pose within what counts."""
+        apart, turned = _ONE
+        distance = float(np.linalg.norm(pose[:3] - other[:3]))
+        angle = float(rotation_angle(pose[3:], other[3:]))
+        return distance <= apart * self.refiner.matcher.solid.size and angle <= turned
+
+    def _refine(self, pose: ArrayLike, scene: Scene, least: float) -> Seen | None:
+        """A pose refined, if the images show it."""
+        refined = self.refiner.refine_scene(pose, scene)
+        if not refined.converged:
+            return None
+        explained = self._acquisition.explained(refined.pose, scene)
+        return Seen(refined, explained) if explained >= least else None
+
+    @cached_property
+    def _acquisition(self) -> Acquisition:
+        return Acquisition(self.refiner, self.search_range, self.parameters)
+
+    @cached_property
+    def _look_alikes(self) -> Array:
+        return find_look_alikes(self.refiner.matcher.solid)
