@@ -10,12 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.refinement import Refinement
 
-__all__ = ["Evidence", "confidence", "probability_within"]
+__all__ = ["WEIGHTS", "Evidence", "confidence", "features", "probability_within"]
 
 Array = NDArray[np.float64]
 
 RIGHT_POSITION, RIGHT_ROTATION = 0.005, math.radians(1.0)
 """A pose no farther off than this [m], [rad] is right."""
+
+
+WEIGHTS = np.array([6.75, -2.40, -1.21, -1.52, -10.61, -10.26, -0.27, -3.38, -4.35])
+"""Of the `features`."""
 
 
 class Evidence(NamedTuple):
@@ -55,9 +59,39 @@ class Evidence(NamedTuple):
         )
 
 
+def features(evidence: Evidence) -> Array:
+    """What speaks against a pose, all at least 0 and 0 where nothing does, after a 1, shape (9,).
+
+    Args:
+        evidence: What is known of it.
+    """
+    e = evidence
+    hidden = 1.0 - e.explained
+    # A tenth more than what is expected is nothing yet.
+    rough = max(0.0, math.log(max(e.residual, 1e-9) / 1.1))
+    return np.array([
+        1.0, hidden, rough, hidden * rough, 1.0 - e.fitness, 1.0 - e.trusted,
+        math.log1p(e.surprise), 1.0 - e.within, math.log1p(1e3 * max(0.0, e.disagreement)),
+    ])  # fmt: skip
+
+
 def confidence(evidence: Evidence) -> float:
-    """Probability that a pose is right to 5 mm and 1 deg."""
-    return 1.0
+    """Probability that a pose is right to 5 mm and 1 deg: a logistic function of the `features`.
+
+    Its weights are fitted to runs with all kinds of disturbances (``benchmarks/confidence.py``).
+
+    Args:
+        evidence: What is known of the pose.
+
+    Example:
+        >>> clear = Evidence(explained=0.98, fitness=1.0, residual=1.0, disagreement=0.0,
+        ...                  trusted=0.95, within=1.0, surprise=0.5)
+        >>> doubtful = clear._replace(explained=0.5, fitness=0.6, residual=2.5)
+        >>> confidence(clear) > 0.99, confidence(doubtful) < 0.5
+        (True, True)
+    """
+    score = float(WEIGHTS @ features(evidence))
+    return 1.0 / (1.0 + math.exp(-score)) if score > -700.0 else 0.0
 
 
 def probability_within(covariance: ArrayLike) -> float:

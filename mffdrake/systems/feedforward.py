@@ -69,6 +69,10 @@ def ConnectFeedforward(
             )
     for name in ("population", "frame_time"):
         builder.Connect(recognizer.GetOutputPort(name), predictor.GetInputPort(name))
-    for name in ("predicted_population", "X_WC"):
-        builder.Connect(predictor.GetOutputPort(name), recognizer.GetInputPort(name))
+    builder.Connect(
+        predictor.GetOutputPort("predicted_population"),
+        recognizer.GetInputPort("predicted_population"),
+    )
+    if recognizer.HasInputPort("X_WC"):  # A system of one's own may do without.
+        builder.Connect(predictor.GetOutputPort("X_WC"), recognizer.GetInputPort("X_WC"))
     builder.Connect(estimated_state, predictor.GetInputPort("estimated_state"))

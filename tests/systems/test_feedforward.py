@@ -61,7 +61,6 @@ class Loop:
             (self.tracker, self.predictor, "population"),
             (self.tracker, self.predictor, "frame_time"),
             (self.predictor, self.tracker, "predicted_population"),
-            (self.predictor, self.tracker, "X_WC"),
         ):
             self.builder.Connect(sender.GetOutputPort(port), receiver.GetInputPort(port))
         self.builder.Connect(self.state, self.predictor.GetInputPort("estimated_state"))
