@@ -39,6 +39,7 @@ _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
 _STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
 _UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
+_DOUBT = 0.5  # times its confidence is that of a pose where it was not expected.
 
 PER_FRAME = PoseFilterParameters(
     acceleration=0.0001, angular_acceleration=0.0004, speed=0.010, angular_speed=0.10,
@@ -289,10 +290,9 @@ class RobustTracker:
                 motion = dc.replace(PoseFilter.of(pose, C, self.motion), unrest=motion.unrest)
         certain = 0.0
         if not seen.ambiguous:
-            evidence = Evidence.of(
-                seen.refined, body_covariance(pose, C), seen.explained, motion.surprise
-            )
-            certain = confidence(evidence)
+            covariance = body_covariance(pose, C)
+            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.surprise)
+            certain = confidence(evidence) * (_DOUBT if unseen else 1.0)
         is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains
         if is_tracking:
