@@ -34,6 +34,7 @@ _STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
 _LEAST_HARDNESS = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
+_DAMPED_FROM = 4  # steps
 _HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
 _SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
 _JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
@@ -316,6 +317,9 @@ def _refine_once(
         advance = 0.0  # squared, in units of the covariance: x^T N x
         for i in range(6):
             advance += step[i] * equations.b[i]
+        if k >= _DAMPED_FROM:  # Weights may swing between two poses; their middle is as good.
+            step *= 0.5
+            advance *= 0.25
         pose = move(pose, step)
         # Slopes set the weights, which must not change for ever.
         whole = move_lines(lines, pose, solid.vertices, solid.edges, scene.views, k < 3)

@@ -61,8 +61,8 @@ class Estimate:
     @property
     def refined(self) -> bool:
         """Whether the pose is refined on this frame's images."""
-        seen = self.state == TrackingState.TRACKING
-        return seen and bool(np.isfinite(self.covariance).all())
+        predicted = self.state == TrackingState.PREDICTED
+        return not predicted and bool(np.isfinite(self.covariance).all())
 
     @property
     def R_CM(self) -> Array:

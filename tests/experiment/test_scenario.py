@@ -354,6 +354,7 @@ recognizer:
     eps2: [-0.3, 0.3]
     eps3: [-0.2, 0.2]
   refinement: borders
+  acquisition: none
   white_balance_rate: 0.02
   start: near_target
   start_spread: [0.02, 0.03]

@@ -17,7 +17,7 @@ from mffdrake.recognition.pose import transform_from_pose
 
 COLUMNS = [
     "frame", "time", "x", "y", "z", "qx", "qy", "qz", "qw", "fitness", "refined",
-    "std_position_mm", "std_rotation_deg", "ms",
+    "std_position_mm", "std_rotation_deg", "ms", "state", "is_tracking", "confidence",
 ]  # fmt: skip
 SMALL = "camera: {width: 320, height: 240}, duration: 0.3, seed: 3, hand_path: {omega: 0.314}"
 

@@ -211,7 +211,7 @@ def test_a_row_has_the_promised_columns():
     expected = {
         "frame": 0, "time": 0.0, "x": 0.1, "y": -0.2, "z": 0.3, "qx": 0.6, "qy": 0.0, "qz": 0.0,
         "qw": 0.8, "fitness": 0.75, "refined": 0, "std_position_mm": "", "std_rotation_deg": "",
-        "ms": 12.5,
+        "ms": 12.5, "state": "searching", "is_tracking": 0, "confidence": "",
     }  # fmt: skip
     assert list(row) == list(expected)
     assert row == expected
