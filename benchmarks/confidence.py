@@ -1,3 +1,4 @@
+# ruff: noqa: E501 (text)
 """Fits the confidence's weights, checks it on other runs, and writes docs/confidence.md.
 
     python benchmarks/confidence.py [--seeds 2] [--duration 2] [--workers 2] [--fit] [--only NAME]
@@ -8,23 +9,28 @@ With two seeds of 2 s it takes about a quarter of an hour on two cores, with --f
 from __future__ import annotations
 
 import argparse
+import itertools
 import logging
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from robustness_conditions import MOTIONS, conditions, motion
-from robustness_page import percent
+from robustness_conditions import MOTIONS, conditions, motion, texts
+from robustness_page import METHODS, percent
 from tables import markdown
 
 from mffdrake.experiment.evaluation import IsRight
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.plotting import SaveFigure
 from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.simulation import Simulate
@@ -33,30 +39,22 @@ from mffdrake.recognition.acquisition import AcquisitionParameters
 from mffdrake.recognition.confidence import WEIGHTS, Evidence, confidence, features
 from mffdrake.recognition.tracking_state import TrackingState
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
-ROOT = Path(__file__).parents[1]
 TRAINING_SEED, CHECK_SEED = 2000, 3000
-METHODS = ("ga", "mff")
 RIDGE, STEPS = 0.01, 100
-BINS = np.array([0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 1.0])
-MOST = 8  # lines of the list of what deceives most
+LIMITS = np.array([np.inf] + (len(WEIGHTS) - 1) * [0.0])
+BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 1.0)
 Z = 1.959964  # of a normal distribution's middle 95 %
 
 FEATURES = {
     "1": "the constant",
     "hidden": "share of the borders that the images do not show",
-    "rough": "log of how far borders lie from edges, in units of 1.1 times what is expected; "
-    "0 below",
+    "rough": "log of how far borders lie from edges, in units of 1.1 times what is expected; 0 below",
     "hidden · rough": "both together",
     "unfit": "1 - fitness",
     "distrusted": "1 - mean robust weight of the borders",
-    "surprise": "log of 1 + how far the pose is from where it was expected, squared, in units of "
-    "what is known of the motion",
+    "surprise": "log of 1 + how far the pose is from where it was expected, squared, in units of what is known of the motion",
     "vague": "1 - probability that an error of the stated covariance is within 5 mm and 1 deg",
     "disagreement": "log of 1 + how far one camera's borders alone would move the pose [mm]",
 }
@@ -64,91 +62,57 @@ FEATURES = {
 
 PAGE = """# Confidence
 
-Written by `python benchmarks/confidence.py --seeds {seeds} --duration {duration:g}{more}`. Code:
-{code}.
+Written by `python benchmarks/confidence.py --seeds {seeds} --duration {duration:g}{more}`. Code: {code}.
 
-With `recognizer: {{refinement: borders}}` the tracker tells of every pose that it sees how likely it
-is right, to 5 mm and 1 deg (`confidence`). From {believe} on it relies on the pose (`is_tracking`),
-until the confidence falls below {keep} (`AcquisitionParameters.believe` and `keep`).
+With `recognizer: {{refinement: borders}}` the tracker tells of every pose that it sees how likely it is right, to 5 mm and 1 deg (`confidence`). From {believe:g} on it relies on the pose (`is_tracking`), until the confidence falls below {keep:g} (`AcquisitionParameters.believe` and `keep`).
 
 ## What it is made of
 
-A logistic function of these features, each at least 0 and 0 where nothing speaks against the pose
-(`mffdrake.recognition.confidence.features`). No weight but the constant may be positive: more that
-speaks against a pose never makes it likelier. {fitted}
+A logistic function of these features, each at least 0 and 0 where nothing speaks against the pose (`mffdrake.recognition.confidence.features`). No weight but the constant's may be positive: more that speaks against a pose never makes it likelier. {fitted}
 
 {weights}
 
 ## How reliable it is
 
-{runs} runs of {duration:g} s with seeds from {first} on, which were not used for fitting: the
-conditions of the robustness study ({names}), each for two motions ({motions}) and with `ga` and
-`mff`, with the flat renderer, from a random start.{failed} They have {frames} frames, of which the
-{tracking} with the state TRACKING count here; {share} of these are right. (In the other states there
-is no such confidence: a pose that is not seen is never called likelier than when it was.) Over all
-of them the mean confidence is {mean:.4f}, and the mean squared difference between the confidence and
-1 or 0 for right or wrong is {brier:.4f}; it would be {naive:.4f} if every pose was given the share
-that is right.
+{runs} runs of {duration:g} s with seeds from {first} on: the conditions of the robustness study ({names}), each for two motions ({motions}) and with `ga` and `mff`, with the flat renderer, from a random start. They have {frames} frames, of which the {tracking} with the state TRACKING count here; {share} of these are right. (Other states have no confidence of this kind.) The mean confidence is {mean:.4f}; the mean squared difference between the confidence and 1 or 0 for right or wrong is {brier:.4f}, and would be {naive:.4f} if every pose was given the share that is right.
 
 ![Share of right poses against the confidence](images/reliability.png)
 
 {table}
 
-The intervals (95 %, Wilson) are those of as many independent frames. Frames of a run are not: what
-is wrong with one often is with the next. Where a bin's frames come from few runs, the share is less
-certain than its interval says. {outside}
+The intervals (95 %, Wilson) are those of as many independent frames. Frames of a run are not: what is wrong with one often is with the next. Where a bin's wrong frames come from few runs, its share is less certain than the interval says. {outside}
 
 ## What the thresholds do
 
-*False*: the confidence is at least the threshold, but the pose is not right. *Missed*: it is below
-although the pose is right. Shares of the frames above, each frame for itself, while the tracker
-starts with {believe} and goes on with {keep}.
+*False*: the confidence is at least the threshold, but the pose is not right. *Missed*: it is below although the pose is right. Shares of the frames above, each judged by itself; the tracker starts with the higher threshold and goes on with the lower one.
 
 {thresholds}
 
 {worst}
 
-The mix of conditions is the study's own: all count alike, and most images of it are disturbed. In
-another mix the same confidence may be right more or less often. No image tells of errors that agree
-with it, such as a wrong focal length, or good images of another time while nothing is known of the
-motion."""
+All conditions count alike, and most images are disturbed. In another mix the same confidence may be right more or less often. No image tells of errors that agree with it, such as a wrong focal length."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames with the state TRACKING, K in all.
+    """Frames with the state TRACKING: their features, whether the poses are right, of which run.
 
-    Attributes:
-        features: See `features`, shape (K, 9).
-        right: Whether their poses are, shape (K,).
-        run: Numbers of the runs that they are of, shape (K,).
-        names: The runs' conditions.
-        total: Number of frames of all states.
-        failed: Number of runs that failed.
+    And the names of the runs' conditions, and the number of frames of all states.
     """
 
     features: Array
-    right: Flags
+    right: NDArray[np.bool_]
     run: NDArray[np.int64]
     names: list[str]
     total: int
-    failed: int
 
     def confidence(self, weights: Array) -> Array:
         """What the weights make of the frames, shape (K,)."""
         return np.asarray(1.0 / (1.0 + np.exp(-np.clip(self.features @ weights, -500.0, 500.0))))
 
 
-def record(scenario: Scenario) -> tuple[Array, Flags, int]:
-    """Runs a scenario.
-
-    Returns:
-        Features and whether they are right of its K frames with the state TRACKING, shapes (K, 9)
-        and (K,), and the number of all frames.
-
-    Raises:
-        RuntimeError: When what was recorded is not what the tracker judged by.
-    """
+def record(scenario: Scenario) -> tuple[Array, NDArray[np.bool_], int]:
+    """Features and whether they are right of a run's frames that count, and the number of all."""
     judged: list[Evidence | None] = []
     with mock.patch.object(robust_tracker, "confidence", wraps=confidence) as judge:
 
@@ -157,55 +121,39 @@ def record(scenario: Scenario) -> tuple[Array, Flags, int]:
             judge.reset_mock()
 
         result = Simulate(scenario, on_frame=on_frame)
-    rows, right = [], []
-    for k in np.flatnonzero(result.state == TrackingState.TRACKING):
+    counts = np.flatnonzero(result.state == TrackingState.TRACKING)
+    rows = np.empty((len(counts), len(WEIGHTS)))
+    for row, k in zip(rows, counts, strict=True):
         evidence = judged[k]
         if evidence is None or confidence(evidence) != result.confidence[k]:
             raise RuntimeError(f"frame {k}: {evidence} is not what it was judged by")
-        rows.append(features(evidence))
-        right.append(IsRight(result)[k])
-    return np.reshape(rows, (-1, len(WEIGHTS))), np.array(right, dtype=bool), len(result.time)
+        row[:] = features(evidence)
+    return rows, IsRight(result)[counts], len(result.time)
 
 
 def collect(options: argparse.Namespace, first_seed: int, title: str) -> Frames:
     """Runs all conditions with seeds from a first one on."""
-    chosen = [
-        c for c in conditions(options.duration) if not options.only or c.group in options.only
-    ]
+    groups = options.only or texts()
+    chosen = [c for c in conditions(options.duration) if c.group in groups]
     scenarios, names = [], []
-    for condition in chosen:
-        for name in MOTIONS:
-            for method in METHODS:
-                for seed in range(first_seed, first_seed + options.seeds):
-                    base = motion(name, options.duration)
-                    given = {"method": method, "seed": seed}
-                    scenarios.append(Change(Change(base, condition.changes), given))
-                    label = f"{condition.group}, {condition.strength}".removesuffix(", -")
-                    names.append(f"{label} ({name}, `{method}`)")
-    found: dict[int, tuple[Array, Flags, int]] = {}
-    failed = 0
-    with (
-        LocalProcesses(options.workers) as executor,
-        ProgressBar(total=len(scenarios), desc=title, unit="run") as bar,
-    ):
+    seeds = range(first_seed, first_seed + options.seeds)
+    for condition, name, method, seed in itertools.product(chosen, MOTIONS, METHODS, seeds):
+        base = Change(motion(name, options.duration), condition.changes)
+        scenarios.append(Change(base, {"method": method, "seed": seed}))
+        label = f"{condition.group}, {condition.strength}".removesuffix(", -")
+        names.append(f"{label} ({name}, `{method}`)")
+    found: dict[int, tuple[Array, NDArray[np.bool_], int]] = {}
+    bar = ProgressBar(total=len(scenarios), desc=title, unit="run")
+    with LocalProcesses(options.workers) as executor, bar:
         for outcome in executor.Run(record, [(scenario,) for scenario in scenarios]):
-            if outcome.error is None:
-                found[outcome.index] = outcome.value
-            else:
-                failed += 1
-                print(f"{names[outcome.index]}: {outcome.error}")
+            if outcome.exception is not None:
+                raise RuntimeError(names[outcome.index]) from outcome.exception
+            found[outcome.index] = outcome.value
             bar.update(1)
-    if not found:
-        raise SystemExit("confidence.py: no run has ended; is --only a group of the conditions?")
-    order = sorted(found)  # whichever ended first, so that sums come out the same
-    return Frames(
-        features=np.concatenate([found[k][0] for k in order]),
-        right=np.concatenate([found[k][1] for k in order]),
-        run=np.concatenate([np.full(len(found[k][1]), k) for k in order]),
-        names=names,
-        total=sum(found[k][2] for k in order),
-        failed=failed,
-    )
+    ordered = [found[k] for k in sorted(found)]  # whichever ended first: sums come out the same
+    rows, right, totals = zip(*ordered, strict=True)
+    run = np.repeat(np.arange(len(right)), [len(of) for of in right])
+    return Frames(np.concatenate(rows), np.concatenate(right), run, names, sum(totals))
 
 
 def fit(frames: Frames) -> Array:
@@ -214,8 +162,7 @@ def fit(frames: Frames) -> Array:
     Newton steps among the weights that are free: at 0, one is not that would turn positive.
     """
     X, y = frames.features, frames.right
-    ridge = np.full(X.shape[1], RIDGE)
-    ridge[0] = 0.0
+    ridge = np.where(np.isinf(LIMITS), 0.0, RIDGE)
 
     def loss(weights: Array) -> float:
         score = X @ weights
@@ -225,29 +172,22 @@ def fit(frames: Frames) -> Array:
     for _ in range(STEPS):
         p = frames.confidence(weights)
         slope = X.T @ (p - y) + ridge * weights
-        free = (weights < 0.0) | (slope > 0.0)
-        free[0] = True
+        free = (weights < LIMITS) | (slope > 0.0)
         if np.abs(slope[free]).max() < 1e-6 * len(y):
             break
         A = X[:, free]
         curve = (A * (p * (1.0 - p))[:, None]).T @ A + np.diag(ridge[free] + 1e-9)
-        step, size = np.zeros_like(weights), 1.0
+        step = np.zeros_like(weights)
         step[free] = -np.linalg.solve(curve, slope[free])
-        while size > 1e-6:
-            new = weights + size * step
-            new[1:] = np.minimum(new[1:], 0.0)
-            if loss(new) < loss(weights):
-                break
-            size *= 0.5
-        else:
-            break
-        weights = new
+        trials = (np.minimum(weights + size * step, LIMITS) for size in 0.5 ** np.arange(20))
+        weights = next((trial for trial in trials if loss(trial) < loss(weights)), weights)
+    else:
+        raise RuntimeError(f"the fit has not settled after {STEPS} steps")
     return weights
 
 
-@dataclass(frozen=True)
-class Bin:
-    """Frames of like confidence: its range and mean, how many are right, of how many runs."""
+class Bin(NamedTuple):
+    """Frames of like confidence: its range and mean, how many are right, and of how many runs."""
 
     low: float
     high: float
@@ -255,108 +195,86 @@ class Bin:
     right: int
     count: int
     runs: int
-
-    @property
-    def share(self) -> float:
-        """Of right poses."""
-        return self.right / self.count
+    wrong_runs: int
 
     @property
     def interval(self) -> tuple[float, float]:
-        """That holds the true share with 95 %, after Wilson."""
-        n, share = self.count, self.share
-        middle = (share + 0.5 * Z**2 / n) / (1.0 + Z**2 / n)
-        half = Z / (1.0 + Z**2 / n) * np.sqrt(share * (1.0 - share) / n + 0.25 * (Z / n) ** 2)
-        return max(0.0, float(middle - half)), min(1.0, float(middle + half))
+        """That holds the true share of right poses with 95 %, after Wilson."""
+        n, share = self.count, self.right / self.count
+        middle, scale = share + 0.5 * Z**2 / n, 1.0 + Z**2 / n
+        half = Z * math.sqrt(share * (1.0 - share) / n + 0.25 * (Z / n) ** 2)
+        return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
 
 
 def bins(frames: Frames, weights: Array) -> list[Bin]:
     """The reliability curve; ranges without frames are left out."""
     p, found = frames.confidence(weights), []
-    which = np.clip(np.searchsorted(BINS, p, side="right") - 1, 0, len(BINS) - 2)
-    for k in np.unique(which):
-        m = which == k
-        right, count = int(frames.right[m].sum()), int(m.sum())
-        runs = len(np.unique(frames.run[m]))
-        found.append(Bin(BINS[k], BINS[k + 1], float(p[m].mean()), right, count, runs))
+    for low, high in itertools.pairwise(BINS):
+        m = (p >= low) & ((p < high) | (high == 1.0))
+        if m.any():
+            right, of, wrong = frames.right[m], frames.run[m], frames.run[m & ~frames.right]
+            runs = len(np.unique(of)), len(np.unique(wrong))
+            found.append(Bin(low, high, float(p[m].mean()), int(right.sum()), len(of), *runs))
     return found
 
 
 def reliability(curve: Sequence[Bin]) -> str:
     """The table of the curve."""
-    header = ["confidence", "mean", "right", "95 % interval", "frames", "wrong", "of runs"]
+    header = "confidence", "mean", "right", "95 % interval", "frames", "runs", "wrong", "of runs"
     rows: list[list[object]] = []
     for b in curve:
-        low, high = b.interval
-        rows.append([
-            f"{b.low:g} to {b.high:g}", f"{b.mean:.4f}", f"{b.share:.4f}",
-            f"{low:.4f} to {high:.4f}", b.count, b.count - b.right, b.runs,
-        ])  # fmt: skip
-    return markdown(header, rows)
+        share, interval = f"{b.right / b.count:.4f}", "{:.4f} to {:.4f}".format(*b.interval)
+        counts = b.count, b.runs, b.count - b.right, b.wrong_runs
+        rows.append([f"{b.low:g} to {b.high:g}", f"{b.mean:.4f}", share, interval, *counts])
+    return markdown(list(header), rows)
 
 
 def thresholds(frames: Frames, weights: Array) -> str:
     """The table of false and missed frames."""
-    given = AcquisitionParameters()
-    p, rows = frames.confidence(weights), []
+    given, p, right = AcquisitionParameters(), frames.confidence(weights), frames.right
+    rows = []
     for name, least in (("believe", given.believe), ("keep", given.keep)):
-        says, right = p >= least, frames.right
-        shares = [float(np.mean(m)) for m in (says, says & ~right, ~says & right)]
-        rows.append([f"{least:g} (`{name}`)", *(percent(share) for share in shares)])
+        says = p >= least
+        shares = [percent(float(np.mean(m))) for m in (says, says & ~right, ~says & right)]
+        rows.append([f"{least:g} (`{name}`)", *shares])
     return markdown(["threshold", "at least that", "false", "missed"], rows)
 
 
 def worst(frames: Frames) -> str:
     """Sentences on which runs deceive most."""
     false = (frames.confidence(WEIGHTS) >= AcquisitionParameters().believe) & ~frames.right
-    names = np.array(frames.names)[frames.run]
-    counts = {str(name): int(false[names == name].sum()) for name in dict.fromkeys(names[false])}
-    total = sum(counts.values())
-    if not total:
+    if not false.any():
         return "At the higher threshold no frame is false."
-    most = sorted(counts, key=lambda name: -counts[name])[:MOST]
+    names = np.array(frames.names)[frames.run]
+    most = Counter(names[false].tolist()).most_common(8)
+    lines = "\n".join(f"- {name}: {count} of {np.sum(names == name)}" for name, count in most)
     runs = len(np.unique(frames.run[false]))
-    lines = "\n".join(f"- {name}: {counts[name]} of {np.sum(names == name)}" for name in most)
-    return (
-        f"At the higher threshold {total} frames, of {runs} runs, are false. Most of them, of the "
-        f"frames that count of the same condition:\n\n{lines}"
-    )
+    return f"At the higher threshold {false.sum()} frames, of {runs} runs, are false. The conditions with most of them, and of how many frames that count:\n\n{lines}"
 
 
 def outside(curve: Sequence[Bin]) -> str:
     """A sentence on where the curve is off."""
-    named = {True: [], False: []}  # type: dict[bool, list[str]]
-    for b in curve:
-        low, high = b.interval
-        if not low <= b.mean <= high:
-            named[b.share > b.mean].append(f"{b.low:g} to {b.high:g}")
-    parts = [
-        f"the poses are {word} than told in {', '.join(named[side])}"
-        for side, word in ((True, "right more often"), (False, "right less often"))
-        if named[side]
+    off = [
+        f"{b.low:g} to {b.high:g} (too {'high' if b.mean > b.interval[1] else 'low'})"
+        for b in curve
+        if not b.interval[0] <= b.mean <= b.interval[1]
     ]
-    if not parts:
-        return "The mean confidence of every bin is within its interval."
-    return f"Where the mean confidence is outside the interval, {'; '.join(parts)}."
+    named = f"outside it in {len(off)} of {len(curve)} bins: {', '.join(off)}"
+    return f"The mean confidence is {named if off else 'within the interval of every bin'}."
 
 
 def plot(curve: Sequence[Bin]) -> Figure:
     """The curve, and below it the numbers of frames."""
-    from matplotlib.figure import Figure  # slow to import
-
     figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
     least, most = 0.005, 0.9998
-    x = np.clip([b.mean for b in curve], least, most)
-    ends = np.clip([b.interval for b in curve], least, most)
+    points = np.array([(b.mean, b.right / b.count, *b.interval) for b in curve])
+    x, shares, *ends = points.clip(least, most).T
     line = 1.0 / (1.0 + np.exp(-np.linspace(-6.0, 9.0, 100)))
     above.plot(line, line, color="0.6", linestyle="--", label="as told")
-    above.vlines(x, *ends.T, color="tab:blue", linewidth=1.5, label="95 % interval")
-    for inner, label in ((True, "share"), (False, "share is 0 or 1")):
-        m = np.array([(0 < b.right < b.count) == inner for b in curve])
-        shares = np.clip([b.share for b in curve], least, most)
-        face = "tab:blue" if inner else "white"
-        above.plot(x[m], shares[m], "o", color="tab:blue", mfc=face, label=label, clip_on=False)
+    above.vlines(x, *ends, color="tab:blue", linewidth=1.5, label="95 % interval")
+    label = "share (at the border where 0 or 1)"
+    above.plot(x, shares, "o", color="tab:blue", label=label, clip_on=False, zorder=3)
     ticks = [0.01, 0.1, 0.5, 0.9, 0.99, 0.999]
     for axis in (above.xaxis, above.yaxis):
         axis.axes.set(**{f"{axis.axis_name}scale": "logit"})
@@ -365,40 +283,34 @@ def plot(curve: Sequence[Bin]) -> Figure:
     above.set(xlim=(least, most), ylim=(least, most), ylabel="share of right poses")
     below.vlines(x, 0.5, [b.count for b in curve], color="0.6", linewidth=9.0)
     for value, b in zip(x, curve, strict=True):
-        below.annotate(
-            str(b.count), (value, b.count), (0, 3), textcoords="offset points", ha="center",
-            fontsize=8,
-        )  # fmt: skip
-    below.set(yscale="log", ylim=(0.5, 8 * max(b.count for b in curve)), ylabel="frames")
-    below.set_xlabel("mean confidence of the bin")
+        below.text(value, 1.3 * b.count, str(b.count), ha="center", fontsize=8)
+    below.set(yscale="log", ylim=(0.5, 8 * max(b.count for b in curve)))
+    below.set(xlabel="mean confidence of the bin", ylabel="frames")
     above.legend(loc="upper left")
-    for panel in (above, below):
-        panel.grid(alpha=0.3)
+    above.grid(alpha=0.3)
+    below.grid(alpha=0.3)
     return figure
 
 
-def page(frames: Frames, curve: Sequence[Bin], fitted: Array | None, given: Any) -> str:
+def page(frames: Frames, fitted: Array | None, given: argparse.Namespace) -> str:
     """The whole page."""
-    p, right = frames.confidence(WEIGHTS), frames.right
-    header, columns = ["feature", "weight"], [WEIGHTS]
-    if fitted is not None:
-        header, columns = [*header, "fitted anew"], [WEIGHTS, fitted]
+    p, right, curve = frames.confidence(WEIGHTS), frames.right, bins(frames, WEIGHTS)
+    columns = {"weight": WEIGHTS} | ({} if fitted is None else {"fitted anew": fitted})
+    numbers = np.transpose(list(columns.values()))
     rows = [
-        [name, *(f"{column[k]:.2f}" for column in columns), text]
-        for k, (name, text) in enumerate(FEATURES.items())
+        [name, *(f"{number:.2f}" for number in line), text]
+        for (name, text), line in zip(FEATURES.items(), numbers, strict=True)
     ]
-    groups = dict.fromkeys(c.group for c in conditions(given.duration))
     known = AcquisitionParameters()
     return PAGE.format(
         seeds=given.seeds, duration=given.duration, code=CodeFingerprint(),
         more=" --fit" * given.fit + "".join(f' --only "{name}"' for name in given.only),
-        believe=f"{known.believe:g}", keep=f"{known.keep:g}",
-        fitted="The last column was fitted by this run to as many others, with seeds from "
-        f"{TRAINING_SEED} on; everything below is of the weights in use." * (fitted is not None),
-        weights=markdown([*header, "what it is"], rows), runs=len(frames.names) - frames.failed,
-        first=CHECK_SEED, names=", ".join(given.only or groups),
-        motions=" and ".join(MOTIONS.values()), failed=f" {frames.failed} more runs failed."
-        * bool(frames.failed), frames=frames.total, tracking=len(right),
+        believe=known.believe, keep=known.keep,
+        fitted=f"Those fitted anew are of as many other runs, with seeds from {TRAINING_SEED} on; all below "
+        "is of the weights in use." * (fitted is not None),
+        weights=markdown(["feature", *columns, "what it is"], rows), runs=len(frames.names),
+        first=CHECK_SEED, names=", ".join(given.only or texts()),
+        motions=" and ".join(MOTIONS.values()), frames=frames.total, tracking=len(right),
         share=percent(float(right.mean())), mean=p.mean(), brier=np.mean((p - right) ** 2),
         naive=right.var(), table=reliability(curve), outside=outside(curve),
         thresholds=thresholds(frames, WEIGHTS), worst=worst(frames),
@@ -412,8 +324,8 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=2.0, help="of a run [s]")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--fit", action="store_true", help="fit the weights on other seeds before")
-    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="a disturbance")
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", metavar="FOLDER")
+    parser.add_argument("--only", action="append", default=[], choices=texts(), help="a group")
+    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
     options = parser.parse_args()
     logging.getLogger("mffdrake").setLevel(logging.ERROR)  # Hundreds would warn of the same.
     fitted = None
@@ -423,16 +335,13 @@ def main() -> None:
         print(f"WEIGHTS = np.array([{', '.join(f'{w:.2f}' for w in fitted)}])")
         print(f"of {len(training.right)} frames, {percent(training.right.mean())} right")
     frames = collect(options, CHECK_SEED, "check")
-    curve = bins(frames, WEIGHTS)
-    for title, weights in (("in use", WEIGHTS), ("fitted", fitted)):
-        if weights is not None:
-            table = reliability(bins(frames, weights))
-            print(f"\nweights {title}\n{table}\n\n{thresholds(frames, weights)}")
+    for weights in (WEIGHTS,) if fitted is None else (WEIGHTS, fitted):
+        table = reliability(bins(frames, weights))
+        print(f"\nweights {weights.round(2)}\n{table}\n\n{thresholds(frames, weights)}")
     picture = MakeOutputFolder(options.docs / "images") / "reliability.png"
-    with WholeFile(picture) as part, part.open("wb") as file:
-        plot(curve).savefig(file, format="png", dpi=120)
+    SaveFigure(plot(bins(frames, WEIGHTS)), picture)
     with WholeFile(options.docs / "confidence.md") as part:
-        part.write_text(page(frames, curve, fitted, options) + "\n", encoding="utf-8")
+        part.write_text(page(frames, fitted, options) + "\n", encoding="utf-8")
     print(f"\nwritten: {options.docs / 'confidence.md'}, {picture}")
 
 
