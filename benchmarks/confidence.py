@@ -74,7 +74,7 @@ A logistic function of these features, each at least 0 and 0 where nothing speak
 
 ## How reliable it is
 
-{runs} runs of {duration:g} s with seeds from {first} on: the conditions of the robustness study ({names}), each for two motions ({motions}) and with `ga` and `mff`, with the flat renderer, from a random start. They have {frames} frames, of which the {tracking} with the state TRACKING count here; {share} of these are right. (Other states have no confidence of this kind.) The mean confidence is {mean:.4f}; the mean squared difference between the confidence and 1 or 0 for right or wrong is {brier:.4f}, and would be {naive:.4f} if every pose was given the share that is right.
+{runs} runs of {duration:g} s with seeds from {first} on, apart from those of `--fit`: the conditions of the robustness study ({names}), each for two motions ({motions}) and with `ga` and `mff`, with the flat renderer, from a random start. They have {frames} frames, of which the {tracking} with the state TRACKING count here; {share} of these are right. (Other states have no confidence of this kind.) The mean confidence is {mean:.4f}; the mean squared difference between the confidence and 1 or 0 for right or wrong is {brier:.4f}, and would be {naive:.4f} if every pose was given the share that is right.
 
 ![Share of right poses against the confidence](images/reliability.png)
 
@@ -193,14 +193,14 @@ class Bin(NamedTuple):
     high: float
     mean: float
     right: int
-    count: int
+    frames: int
     runs: int
     wrong_runs: int
 
     @property
     def interval(self) -> tuple[float, float]:
         """That holds the true share of right poses with 95 %, after Wilson."""
-        n, share = self.count, self.right / self.count
+        n, share = self.frames, self.right / self.frames
         middle, scale = share + 0.5 * Z**2 / n, 1.0 + Z**2 / n
         half = Z * math.sqrt(share * (1.0 - share) / n + 0.25 * (Z / n) ** 2)
         return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
@@ -223,8 +223,8 @@ def reliability(curve: Sequence[Bin]) -> str:
     header = "confidence", "mean", "right", "95 % interval", "frames", "runs", "wrong", "of runs"
     rows: list[list[object]] = []
     for b in curve:
-        share, interval = f"{b.right / b.count:.4f}", "{:.4f} to {:.4f}".format(*b.interval)
-        counts = b.count, b.runs, b.count - b.right, b.wrong_runs
+        share, interval = f"{b.right / b.frames:.4f}", "{:.4f} to {:.4f}".format(*b.interval)
+        counts = b.frames, b.runs, b.frames - b.right, b.wrong_runs
         rows.append([f"{b.low:g} to {b.high:g}", f"{b.mean:.4f}", share, interval, *counts])
     return markdown(list(header), rows)
 
@@ -232,7 +232,7 @@ def reliability(curve: Sequence[Bin]) -> str:
 def thresholds(frames: Frames, weights: Array) -> str:
     """The table of false and missed frames."""
     given, p, right = AcquisitionParameters(), frames.confidence(weights), frames.right
-    rows = []
+    rows: list[list[object]] = []
     for name, least in (("believe", given.believe), ("keep", given.keep)):
         says = p >= least
         shares = [percent(float(np.mean(m))) for m in (says, says & ~right, ~says & right)]
@@ -268,7 +268,7 @@ def plot(curve: Sequence[Bin]) -> Figure:
     figure = Figure(figsize=(8.0, 7.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
     least, most = 0.005, 0.9998
-    points = np.array([(b.mean, b.right / b.count, *b.interval) for b in curve])
+    points = np.array([(b.mean, b.right / b.frames, *b.interval) for b in curve])
     x, shares, *ends = points.clip(least, most).T
     line = 1.0 / (1.0 + np.exp(-np.linspace(-6.0, 9.0, 100)))
     above.plot(line, line, color="0.6", linestyle="--", label="as told")
@@ -281,10 +281,10 @@ def plot(curve: Sequence[Bin]) -> Figure:
         axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
         axis.set_ticks([], minor=True)
     above.set(xlim=(least, most), ylim=(least, most), ylabel="share of right poses")
-    below.vlines(x, 0.5, [b.count for b in curve], color="0.6", linewidth=9.0)
+    below.vlines(x, 0.5, [b.frames for b in curve], color="0.6", linewidth=9.0)
     for value, b in zip(x, curve, strict=True):
-        below.text(value, 1.3 * b.count, str(b.count), ha="center", fontsize=8)
-    below.set(yscale="log", ylim=(0.5, 8 * max(b.count for b in curve)))
+        below.text(value, 1.3 * b.frames, str(b.frames), ha="center", fontsize=8)
+    below.set(yscale="log", ylim=(0.5, 8 * max(b.frames for b in curve)))
     below.set(xlabel="mean confidence of the bin", ylabel="frames")
     above.legend(loc="upper left")
     above.grid(alpha=0.3)
@@ -297,7 +297,7 @@ def page(frames: Frames, fitted: Array | None, given: argparse.Namespace) -> str
     p, right, curve = frames.confidence(WEIGHTS), frames.right, bins(frames, WEIGHTS)
     columns = {"weight": WEIGHTS} | ({} if fitted is None else {"fitted anew": fitted})
     numbers = np.transpose(list(columns.values()))
-    rows = [
+    rows: list[list[object]] = [
         [name, *(f"{number:.2f}" for number in line), text]
         for (name, text), line in zip(FEATURES.items(), numbers, strict=True)
     ]
