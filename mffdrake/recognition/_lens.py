@@ -18,7 +18,7 @@ Image = NDArray[np.uint8]
 
 NO_DISTORTION, PLUMB_BOB, EQUIDISTANT = range(3)
 
-_STAMP_STEP = 61
+_STAMP_STEP = 31
 _NOISE_STEP = 211  # pixels between those where noise is measured; odd to the images' widths
 
 Jacobian: TypeAlias = tuple[float, float, float, float]

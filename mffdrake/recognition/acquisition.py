@@ -76,7 +76,7 @@ class AcquisitionParameters:
     sure: Share = 0.70
     margin: Share = 0.05
     believe: Share = 0.95
-    keep: Share = 0.8
+    keep: Share = 0.9
     patience: Count = 30
     least_rows: Count = 30
     tolerance: Annotated[float, Ge(0.1)] = 1.0
