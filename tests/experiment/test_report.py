@@ -169,7 +169,8 @@ def make_record(omega, *, frequency=0.8, decay=12.0, frames=1200):
     swing[:, 0] = 0.02 * np.exp(-time / decay) * np.cos(2 * np.pi * frequency * time)
     return SimulationResult(
         scenario=f"hand_path: {{omega: {omega}}}", time=time, true_pose=pose, recognized_pose=pose,
-        fitness=np.ones(frames), desired_hand_pose=pose, actual_hand_pose=swing,
+        fitness=np.ones(frames), state=np.ones(frames), confidence=np.ones(frames),
+        is_tracking=np.ones(frames), desired_hand_pose=pose, actual_hand_pose=swing,
         joint_positions=np.zeros((frames, 7)), joint_velocities=np.zeros((frames, 7)),
         stages_ms={}, wall_s=1.0,
     )  # fmt: skip
