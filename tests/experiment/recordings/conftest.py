@@ -9,6 +9,7 @@ from typing import NamedTuple
 import pytest
 
 from mffdrake.experiment.main import main
+from mffdrake.experiment.progress import ProgressBar
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 
@@ -53,6 +54,8 @@ def quickly(monkeypatch, capfd):
 
     def run_here(command, cwd):
         monkeypatch.chdir(cwd)
+        # Kernels that are compiled take time, and would bring a line of progress.
+        monkeypatch.setitem(ProgressBar.__kwdefaults__, "interval", 3600.0)
         capfd.readouterr()
         try:
             status = main(shlex.split(command))
