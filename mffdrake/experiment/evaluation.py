@@ -17,12 +17,11 @@ from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.recovery import CalcRecovery, OutageEnd
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
 from mffdrake.recognition.parameters import kind_of
 from mffdrake.recognition.pose import rotation_angle
 
 __all__ = [
-    "RIGHT_POSITION",
-    "RIGHT_ROTATION",
     "RMS_ERRORS",
     "SETTLED_AFTER",
     "TRACKING_SHARES",
@@ -41,9 +40,6 @@ SETTLED_AFTER = 5.0
 
 RMS_ERRORS = ("x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg")
 """Names of the root-mean-square errors: position [mm], quaternion [-], distance, angle."""
-
-RIGHT_POSITION, RIGHT_ROTATION = 0.005, float(np.radians(1.0))
-"""A pose no farther off than this [m], [rad] is right."""
 
 TRACKING_SHARES = ("right", "says_so", "false", "missed")
 """Shares of the frames: whose pose is right, which say so (``is_tracking``), and where these

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._linear import factor, solve
+from mffdrake.recognition._looks import multiply
 
 Array = NDArray[np.float64]
 
@@ -76,27 +77,11 @@ def rotation_log(q: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _turned(eps: Array, q: Array) -> Array:
-    """Vector part of an orientation's quaternion after a turn, seen from what is turned."""
-    a0, a1, a2, a3 = scalar_part(eps), eps[0], eps[1], eps[2]
-    sign = -1.0 if a0 * q[0] - a1 * q[1] - a2 * q[2] - a3 * q[3] < 0.0 else 1.0
-    turned = np.empty(3)
-    turned[0] = sign * (a0 * q[1] + a1 * q[0] + a2 * q[3] - a3 * q[2])
-    turned[1] = sign * (a0 * q[2] - a1 * q[3] + a2 * q[0] + a3 * q[1])
-    turned[2] = sign * (a0 * q[3] + a1 * q[2] - a2 * q[1] + a3 * q[0])
-    return turned
-
-
-@njit(cache=True, error_model="numpy")
-def _between(eps: Array, other: Array) -> Array:
-    """Quaternion of the turn from one orientation to another, seen from the first."""
-    a0, a1, a2, a3 = scalar_part(eps), -eps[0], -eps[1], -eps[2]
-    b0, b1, b2, b3 = scalar_part(other), other[0], other[1], other[2]
+def _quaternion(eps: Array, sign: float) -> Array:
+    """Quaternion of an orientation (sign 1) or of its inverse (-1), the scalar part first."""
     q = np.empty(4)
-    q[0] = a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3
-    q[1] = a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2
-    q[2] = a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1
-    q[3] = a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0
+    q[0] = scalar_part(eps)
+    q[1:] = sign * eps
     return q
 
 
@@ -159,7 +144,7 @@ def predict(
     for i in range(3):
         later_twist[i] = E[0, i] * v[0] + E[1, i] * v[1] + E[2, i] * v[2]
         later_pose[i] += dt * (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2])
-    later_pose[3:] = _turned(pose[3:], turn)
+    later_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
     seen_turned = _product(E.T.copy(), _skew(v))
     rate_turns = dt * right_jacobian(w * dt, 1.0)  # how an error of w turns it
     S = _skew(later_twist[:3])
@@ -195,7 +180,9 @@ def update(
 ) -> tuple[Array, Array, Array, float]:
     """Pose, twist and covariance with a measurement, and a sixth of the surprise's square."""
     R = rotation(pose[3:])
-    away, between = np.empty(6), _between(pose[3:], seen[3:])
+    away = np.empty(6)
+    # The turn from where it was expected to where it was seen, seen from the former
+    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(seen[3:], 1.0))
     for i in range(3):
         away[i] = 0.0
         for j in range(3):
@@ -230,7 +217,7 @@ def update(
     for i in range(3):
         for j in range(3):
             new_pose[i] += R[i, j] * change[j]
-    new_pose[3:] = _turned(pose[3:], turn)
+    new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
     rest, squared = solve(L, away), 0.0
     for i in range(6):
         squared += away[i] * rest[i]

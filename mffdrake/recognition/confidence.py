@@ -10,7 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.refinement import Refinement
 
-__all__ = ["WEIGHTS", "Evidence", "confidence", "features", "probability_within"]
+__all__ = [
+    "RIGHT_POSITION",
+    "RIGHT_ROTATION",
+    "WEIGHTS",
+    "Evidence",
+    "confidence",
+    "features",
+    "probability_within",
+]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +55,14 @@ class Evidence(NamedTuple):
     def of(
         cls, refined: Refinement, covariance: ArrayLike, explained: float, surprise: float
     ) -> Evidence:
-        """Of a refinement."""
+        """The evidence for a refined pose.
+
+        Args:
+            refined: Its refinement, which converged.
+            covariance: Of its position [m] and rotation vector [rad], shape (6, 6).
+            explained: Share of its borders that the images show (0 to 1).
+            surprise: See `PoseFilter`.
+        """
         return cls(
             explained,
             refined.fitness,
@@ -64,6 +79,12 @@ def features(evidence: Evidence) -> Array:
 
     Args:
         evidence: What is known of it.
+
+    Example:
+        >>> clear = Evidence(explained=1.0, fitness=1.0, residual=1.0, disagreement=0.0,
+        ...                  trusted=1.0, within=1.0, surprise=0.0)
+        >>> features(clear)
+        array([1., 0., 0., 0., 0., 0., 0., 0., 0.])
     """
     e = evidence
     hidden = 1.0 - e.explained
@@ -101,6 +122,10 @@ def probability_within(covariance: ArrayLike) -> float:
 
     Args:
         covariance: Of position [m] and rotation vector [rad], shape (6, 6).
+
+    Example:
+        >>> round(probability_within(np.diag(3 * [0.001**2] + 3 * [0.002**2])), 6)
+        0.999985
     """
     variances = np.diag(np.asarray(covariance, dtype=float))
     product = 1.0

@@ -157,14 +157,14 @@ class RobustTracker:
         self.ga.check_size(generation)
         scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
         generation, is_stale = self._stamped(self._moved(generation), scene)
-        if generation.motion is not None and generation.state != TrackingState.LOST:
-            seen, bred = self._look(generation, scene, frame, rng)
-            if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
-                return self._took(bred, seen, images)
-            if is_stale:
-                return self._unseen(generation)
+        if generation.motion is None or generation.state == TrackingState.LOST:
+            generation = self.ga.breed(generation, scene, rng)
             return self._search(generation, images, scene, frame, rng)
-        generation = self.ga.breed(generation, scene, rng)
+        seen, bred = self._look(generation, scene, frame, rng)
+        if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
+            return self._took(bred, seen, images)
+        if is_stale:
+            return self._unseen(generation)
         return self._search(generation, images, scene, frame, rng)
 
     def _stamped(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:

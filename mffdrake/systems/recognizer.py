@@ -75,7 +75,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         population_fitness: Their fitness, shape (N,).
         frame_time: Time of the last frame [s]; before the first one NaN.
         pose_covariance: Covariance of the error of ``pose``, 6 x 6 row by row, shape (36,). NaN
-            where the tracker does not tell it; so it is where the state is not tracking.
+            where the tracker does not tell it: so it is while it searches, has lost the target or
+            finds it ambiguous. Where the pose is predicted, it is the prediction's.
         state: What the tracker says of the pose, a number of `TrackingState`, shape (1,).
         confidence: Probability that the pose is right to 5 mm and 1 deg, shape (1,); NaN where the
             tracker does not tell it.
