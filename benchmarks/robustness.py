@@ -25,8 +25,7 @@ from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.grid import Grid, MakeGrid
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
-from mffdrake.experiment.progress import Advance, ProgressBar
-from mffdrake.experiment.store import Record
+from mffdrake.experiment.progress import RunBar
 from mffdrake.experiment.sweep import Sweep
 
 ROOT = Path(__file__).parents[1]
@@ -87,20 +86,9 @@ def run(options: argparse.Namespace) -> list[dict[str, Any]]:
     """All runs' rows, kept ones included, with what they are of."""
     grids = plan(options)
     logging.getLogger("mffdrake").setLevel(logging.ERROR)  # Thousands would warn of the same.
-    rows, failed = [], 0
+    rows = []
     total = sum(len(grid.runs) for _, _, grid in grids)
-    with (
-        LocalProcesses(options.workers) as executor,
-        ProgressBar(total=total, desc="robustness", unit="run") as bar,
-    ):
-
-        def on_run(record: Record, kept: bool) -> None:
-            nonlocal failed
-            failed += record.status == "failed"
-            if failed:
-                bar.set_postfix_str(f"{failed} failed", refresh=False)
-            Advance(bar, kept=kept)
-
+    with LocalProcesses(options.workers) as executor, RunBar(total, "robustness") as on_run:
         for condition, name, grid in grids:
             folder = MakeOutputFolder(options.out / name / condition.name)
             table = Sweep(grid, folder, executor=Lent(executor), file_format="csv", on_run=on_run)

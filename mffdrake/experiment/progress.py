@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from tqdm import tqdm
 
-__all__ = ["Advance", "ProgressBar"]
+from mffdrake.experiment.store import Record
+
+__all__ = ["Advance", "ProgressBar", "RunBar"]
 
 _INTERVAL = 15.0  # s from line to line
 _LINE = "mffdrake: {desc}: {percentage:.0f} % after {elapsed}{postfix}"
@@ -67,3 +71,31 @@ def Advance(bar: tqdm[Any], amount: float = 1, *, kept: bool) -> None:
     if kept and not bar.disable:
         bar.initial += amount
     bar.update(amount)
+
+
+@contextmanager
+def RunBar(count: int, desc: str = "simulations") -> Iterator[Callable[[Record, bool], None]]:
+    """A bar over the runs of sweeps that have ended, and how many of them failed.
+
+    Args:
+        count: How many runs there are.
+        desc: What they are.
+
+    Yields:
+        What to call for each, see `Sweep`'s ``on_run``.
+
+    Example:
+        >>> with RunBar(1) as on_run:
+        ...     on_run(Record(row={}), False)
+    """
+    with ProgressBar(total=count, desc=desc, unit="run") as bar:
+        failed = 0
+
+        def OnRun(record: Record, kept: bool) -> None:
+            nonlocal failed
+            failed += record.status == "failed"
+            if failed:
+                bar.set_postfix_str(f"{failed} failed", refresh=False)
+            Advance(bar, kept=kept)
+
+        yield OnRun

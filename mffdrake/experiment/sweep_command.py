@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from mffdrake.experiment.cluster import DaskCluster
@@ -14,9 +12,8 @@ from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.grid import Grid, LoadGrid
 from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.options import GivenOptions
-from mffdrake.experiment.progress import Advance, ProgressBar
+from mffdrake.experiment.progress import RunBar
 from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
-from mffdrake.experiment.store import Record
 from mffdrake.experiment.sweep import Sweep
 from mffdrake.experiment.sweep_table import MedianTable
 from mffdrake.experiment.yaml_text import ReadYaml
@@ -50,7 +47,7 @@ def RunSweep(options: argparse.Namespace) -> int:
         executor = LocalProcesses(min(options.workers or UsableCores(), len(grid.runs)))
     if not options.verbose:  # Thousands of runs would all warn of the same.
         logging.getLogger("mffdrake").setLevel(logging.ERROR)
-    with _RunBar(len(grid.runs)) as on_run:
+    with RunBar(len(grid.runs)) as on_run:
         table = Sweep(grid, folder, executor=executor, file_format=options.format, on_run=on_run)
     print(MedianTable(grid, table))
     failures = [row for row in table.to_pylist() if row["status"] == "failed"]
@@ -80,19 +77,3 @@ def _LoadGrid(options: argparse.Namespace) -> Grid:
                 "the option"
             )
     return grid
-
-
-@contextmanager
-def _RunBar(count: int) -> Iterator[Callable[[Record, bool], None]]:
-    """A bar over the runs that have ended."""
-    with ProgressBar(total=count, desc="simulations", unit="run") as bar:
-        failed = 0
-
-        def OnRun(record: Record, kept: bool) -> None:
-            nonlocal failed
-            failed += record.status == "failed"
-            if failed:
-                bar.set_postfix_str(f"{failed} failed", refresh=False)
-            Advance(bar, kept=kept)
-
-        yield OnRun
