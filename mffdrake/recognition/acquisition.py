@@ -47,8 +47,9 @@ class AcquisitionParameters:
         found: Least share of explained borders (0 to 1) of a pose that is found.
         lost: Below this share of explained borders, a pose that was tracked is not seen any more.
         sure: Below this share, the search goes on beside the tracking.
-        margin: Another pose that explains at least so much more (0 to 1) takes the place of the
-            tracked one; one that explains nearly as much makes it ambiguous.
+        margin: Another pose at which the images show more borders, by this share of them (0 to 1),
+            takes the place of the tracked one; one at which they show nearly as many makes it
+            ambiguous.
         believe: From this confidence on, a pose is relied on (``is_tracking``), ...
         keep: ... until it falls below this one.
         patience: For so many frames the pose is predicted before it counts as lost.
@@ -89,16 +90,28 @@ class NoAcquisition:
     kind: ClassVar[str] = "none"
 
 
+class Explained(NamedTuple):
+    """The borders that the images should show at a pose.
+
+    Attributes:
+        shown: At so many places they do.
+        share: Of the places along its visible edges, those (0 to 1).
+    """
+
+    shown: int
+    share: float
+
+
 class Candidate(NamedTuple):
     """A pose that may be the target's.
 
     Attributes:
         pose: Pose vector, shape (6,).
-        explained: Share of its borders that the images show.
+        explained: Its borders that the images show.
     """
 
     pose: Array
-    explained: float
+    explained: Explained
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +124,8 @@ class Acquisition:
     *Explained.* The pose that is right is the one whose edges the images show: the share of the
     places along its visible edges where a border of the right colors lies within a pixel. A pose
     that only covers the right pixels has few. What is out of view does not count; what is hidden
-    cannot be told from what is wrong.
+    cannot be told from what is wrong. Of two poses that share a face, the right one may be hidden
+    more, but the images show more of its borders: all that there are.
 
     Args:
         refiner: Its rules tell what a border is; its matcher has the solid, its colors and the
@@ -172,8 +186,8 @@ class Acquisition:
         starts = np.array(starts, dtype=float).reshape(-1, 6)
         return self._judged(self._approach(starts, scene, self._stages), scene)
 
-    def explained(self, pose: ArrayLike, scene: Scene) -> float:
-        """Share of a pose's borders that the images show (0 to 1).
+    def explained(self, pose: ArrayLike, scene: Scene) -> Explained:
+        """A pose's borders that the images show.
 
         Args:
             pose: Pose vector, shape (6,).
@@ -187,11 +201,11 @@ class Acquisition:
             np.array(pose, dtype=float), scene, self.refiner.rules, look, float(p.tolerance)
         )
         shown, sought = counts.sum(axis=0).tolist()
-        return float(shown / max(sought, p.least_rows))
+        return Explained(shown, shown / max(sought, p.least_rows))
 
     def _judged(self, poses: Array, scene: Scene) -> list[Candidate]:
         found = [Candidate(pose, self.explained(pose, scene)) for pose in poses]
-        return sorted(found, key=lambda candidate: -candidate.explained)
+        return sorted(found, key=lambda candidate: -candidate.explained.share)
 
     def _pick(
         self,

@@ -209,11 +209,11 @@ class RobustTracker:
         seen = self._sight.near(bred.best, predicted, scene)
         if seen is None:
             return None, bred
-        if seen.explained < p.sure or generation.state == TrackingState.AMBIGUOUS:
+        if seen.explained.share < p.sure or generation.state == TrackingState.AMBIGUOUS:
             other, _ = self._sight.anywhere(scene, bred.poses[:1], frame, rng)
             tracked = generation.is_tracking
             if other is not None and not self._sight.is_one(other.pose, seen.pose):
-                better = other.explained - seen.explained
+                better = other.explained.shown / seen.explained.shown - 1.0
                 if better > p.margin * (_INSIST if tracked else 1.0):
                     seen = other
                 elif better > -p.margin:
@@ -291,7 +291,7 @@ class RobustTracker:
         certain = 0.0
         if not seen.ambiguous:
             covariance = body_covariance(pose, C)
-            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.surprise)
+            evidence = Evidence.of(seen.refined, covariance, seen.explained.share, motion.surprise)
             certain = confidence(evidence) * (_DOUBT if unseen else 1.0)
         is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains

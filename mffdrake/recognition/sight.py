@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, Candidate
+from mffdrake.recognition.acquisition import (
+    Acquisition,
+    AcquisitionParameters,
+    Candidate,
+    Explained,
+)
 from mffdrake.recognition.genetic import SearchRange
 from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.refinement import BorderRefiner, Refinement
-from mffdrake.recognition.symmetry import find_look_alikes, turn_about_middle
+from mffdrake.recognition.symmetry import Turns, find_look_alikes
 
 if TYPE_CHECKING:
     from mffdrake.recognition._structs import Scene
@@ -29,12 +34,12 @@ class Seen(NamedTuple):
 
     Attributes:
         refined: Its refinement, which converged.
-        explained: Share of its borders that they show.
+        explained: Its borders that they show.
         ambiguous: Whether they show another pose as well.
     """
 
     refined: Refinement
-    explained: float
+    explained: Explained
     ambiguous: bool = False
 
     @property
@@ -87,34 +92,37 @@ class Sight:
         """
         candidates = self._acquisition.search(scene, known, frame, rng)
         for candidate in candidates[:1]:
-            if candidate.explained >= 0.5 * self.parameters.found:
+            if candidate.explained.share >= 0.5 * self.parameters.found:
                 seen = self._refine(candidate.pose, scene, self.parameters.found)
                 if seen is not None:
                     return self.resolve(seen, scene), candidates
         return None, candidates
 
     def resolve(self, seen: Seen, scene: Scene) -> Seen:
-        """Of the poses in which the solid's shape looks the same, the one whose colors fit best.
+        """Of the poses in which the solid may look the same, the one that explains most.
 
         Args:
             seen: One of them.
             scene: The images.
 
         Returns:
-            It, ambiguous where another's colors fit as well.
+            It, ambiguous where another explains nearly as much, and its colors fit as well.
         """
-        turned = turn_about_middle(seen.pose, self.refiner.matcher.solid, self._look_alikes)
+        turned = self._look_alikes.of(seen.pose)
         if len(turned) == 0:
             return seen
         fitness = self.refiner.matcher.score(np.concatenate([seen.pose[None], turned]), scene)
-        best = int(np.argmax(fitness))
         explained = [seen.explained, *(self._acquisition.explained(q, scene) for q in turned)]
-        if best > 0 and explained[best] >= seen.explained - self.parameters.margin:
+        shown = np.array([one.shown for one in explained])
+        best = int(np.argmax(shown))
+        if best > 0:
             better = self._refine(turned[best - 1], scene, self.parameters.found)
-            if better is not None:
+            if better is None:
+                best = 0
+            else:
                 seen = better
-        rivals = np.delete(fitness, best) > fitness[best] - _AS_FIT
-        rivals &= np.delete(explained, best) > explained[best] - self.parameters.margin
+        rivals = np.delete(shown, best) > (1.0 - self.parameters.margin) * shown[best]
+        rivals &= np.delete(fitness, best) > fitness[best] - _AS_FIT
         return seen._replace(ambiguous=bool(rivals.any()))
 
     def is_one(self, pose: Array, other: Array) -> bool:
@@ -130,12 +138,12 @@ class Sight:
         if not refined.converged:
             return None
         explained = self._acquisition.explained(refined.pose, scene)
-        return Seen(refined, explained) if explained >= least else None
+        return Seen(refined, explained) if explained.share >= least else None
 
     @cached_property
     def _acquisition(self) -> Acquisition:
         return Acquisition(self.refiner, self.search_range, self.parameters)
 
     @cached_property
-    def _look_alikes(self) -> Array:
+    def _look_alikes(self) -> Turns:
         return find_look_alikes(self.refiner.matcher.solid)

@@ -1,13 +1,17 @@
-"""Rotations that bring a solid's shape onto itself, or nearly so.
+"""Rotations that bring a solid's shape, or one of its faces, onto itself, or nearly so.
 
 A shape that looks alike from several sides invites wrong optima: the solid turned by one of these
-rotations covers the same pixels, and only its colors tell that it is wrong.
+rotations covers the same pixels, and only its colors tell that it is wrong. Where no more than one
+face is to be seen, turns of that face do as well.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,25 +97,83 @@ def turn_about_middle(pose: Array, solid: SolidModel, turns: Array) -> Array:
     return pose_from_transform(turned, p + R @ middle - turned @ middle)
 
 
-def find_look_alikes(solid: SolidModel) -> Array:
-    """Rotations that bring a solid's shape onto itself, but not its colors.
+class Turns(NamedTuple):
+    """Rotations of a solid about points of it.
 
-    From some sides, the solid turned by one of them looks the same.
+    Attributes:
+        rotations: Rotation matrices in the solid's frame, shape (K, 3, 3).
+        points: For each the point that stays where it is [m], shape (K, 3).
+    """
+
+    rotations: Array
+    points: Array
+
+    def of(self, pose: Array) -> Array:
+        """The turned poses, shape (K, 6), of a pose vector."""
+        R, p = transform_from_pose(pose)
+        turned = R @ self.rotations
+        stays = np.einsum("kij,kj->ki", R - turned, self.points)
+        return np.asarray(pose_from_transform(turned, p + stays))
+
+
+def find_symmetries(solid: SolidModel) -> Array:
+    """Rotations about the middle of a solid's corners that change nothing that is to be seen.
 
     Args:
         solid: The solid.
 
     Returns:
-        Rotation matrices in the solid's frame, shape (K, 3, 3).
+        Rotation matrices in the solid's frame, without the identity, shape (K, 3, 3).
 
     Example:
         >>> from mffdrake.recognition import BLUE, GREEN, RED
-        >>> len(find_look_alikes(SolidModel.box((1.0, 1.0, 2.0), (RED, GREEN, BLUE))))  # quarters
-        4
+        >>> len(find_symmetries(SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))))  # half turns
+        3
     """
     turns = find_turns(solid, _EXACTLY)
-    differ = [not _keeps_colors(solid, R) for R in turns]
-    return np.asarray(turns[np.array(differ, dtype=bool)])
+    return np.array([R for R in turns if _keeps_colors(solid, R)]).reshape(-1, 3, 3)
+
+
+def find_look_alikes(solid: SolidModel) -> Turns:
+    """Turns by which a solid looks the same from some sides, but not from all.
+
+    They bring its shape onto itself, but not its colors; or one face onto itself, but not the
+    others, which are not seen when the face is seen straight on or all else is hidden.
+
+    Args:
+        solid: The solid.
+
+    Returns:
+        The turns, those of the shape first.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> cube = SolidModel.box((1.0, 1.0, 2.0), (RED, GREEN, BLUE))
+        >>> find_look_alikes(cube).rotations.shape                                 # quarter turns
+        (4, 3, 3)
+    """
+    middle = solid.vertices.mean(axis=0)
+    found = [(R, middle) for R in find_turns(solid, _EXACTLY) if not _keeps_colors(solid, R)]
+    for face, normal in zip(solid.faces, solid.normals, strict=True):
+        corners = solid.vertices[list(face)]
+        center = corners.mean(axis=0)
+        limit = _EXACTLY * np.linalg.norm(corners - center, axis=1).max()
+        for step in range(1, len(face)):
+            R = cv2.Rodrigues(2.0 * math.pi * step / len(face) * normal)[0]
+            onto = np.roll(corners, -step, axis=0)
+            if np.abs((corners - center) @ R.T + center - onto).max() > limit:
+                continue
+            if not _keeps_shape(solid, R, center):
+                found.append((R, center))
+    rotations, points = zip(*found, strict=True) if found else ((), ())
+    return Turns(np.array(rotations).reshape(-1, 3, 3), np.array(points).reshape(-1, 3))
+
+
+def _keeps_shape(solid: SolidModel, R: Array, point: Array) -> bool:
+    """Whether a rotation about a point brings every corner onto one."""
+    arms = solid.vertices - point
+    apart = np.linalg.norm((arms @ R.T)[:, None] - arms, axis=-1)
+    return bool(apart.min(axis=1).max() <= _EXACTLY * np.linalg.norm(arms, axis=1).max())
 
 
 def _keeps_colors(solid: SolidModel, R: Array) -> bool:

@@ -31,7 +31,7 @@ from mffdrake.recognition import (
     SolidModel,
 )
 from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.symmetry import find_look_alikes, find_turns, turn_about_middle
+from mffdrake.recognition.symmetry import find_look_alikes, find_symmetries, turn_about_middle
 
 _borders = pytest.importorskip("mffdrake.recognition._borders")
 
@@ -79,9 +79,7 @@ def some_pose(rng, solid, rig):
 
 def errors(found, truth, solid):
     """Distance [mm] and angle [deg], modulo turns that bring all colors onto themselves."""
-    alike = find_look_alikes(solid)
-    same = [S for S in find_turns(solid, 0.02) if not any(np.allclose(S, T) for T in alike)]
-    truths = [truth, *turn_about_middle(truth, solid, np.array(same).reshape(-1, 3, 3))]
+    truths = [truth, *turn_about_middle(truth, solid, find_symmetries(solid))]
     angle, best = min((float(rotation_angle(found[3:], t[3:])), k) for k, t in enumerate(truths))
     return 1e3 * np.linalg.norm(found[:3] - truths[best][:3]), math.degrees(angle)
 
@@ -113,7 +111,7 @@ def first_errors(solid, search_range, draw, seeds, rig=RIG, blobs=0):
         images = render(solid, psi, rig, supersampling=3)
         images = blotch(images, rig, rng, blobs, solid, psi)
         first = searcher.search(searcher.matcher.scene(images), [], seed, rng)[0]
-        found.append((*errors(first.pose, psi, solid), first.explained))
+        found.append((*errors(first.pose, psi, solid), first.explained.share))
     return np.array(found).T
 
 
@@ -157,7 +155,7 @@ def test_candidates_come_in_order_and_are_what_is_kept():
     scene = searcher.matcher.scene(render(BOX, psi, RIG, supersampling=3))
     found = searcher.search(scene, [], 0, np.random.default_rng(0))
     assert 1 <= len(found) <= 4
-    shares = [candidate.explained for candidate in found]
+    shares = [candidate.explained.share for candidate in found]
     assert shares == sorted(shares, reverse=True)
     for candidate in found:
         assert candidate.explained == searcher.explained(candidate.pose, scene)
@@ -174,7 +172,7 @@ def test_nothing_is_found_where_there_is_nothing():
     assert searcher.search(scene, [], 0, rng) == []
     assert searcher.search(scene, [known], 0, rng) == []
     assert searcher.approach([known], scene) == []
-    assert searcher.explained(known, scene) == 0.0
+    assert searcher.explained(known, scene).share == 0.0
 
 
 def test_a_known_pose_is_tried_beyond_the_search_range():
@@ -219,9 +217,9 @@ def test_the_true_pose_explains_its_borders_and_a_tilted_one_does_not(solid):
         psi = any_pose(rng, solid, FINE)
         images = render(solid, psi, FINE, supersampling=(1, 4)[k % 2])
         scene = searcher.matcher.scene(images)
-        shares.append(searcher.explained(psi, scene))
+        shares.append(searcher.explained(psi, scene).share)
         tilted = pose(psi[:3], quaternion_vector(turned(psi, rng.normal(size=3), 12.0)))
-        assert searcher.explained(tilted, scene) < 0.5
+        assert searcher.explained(tilted, scene).share < 0.5
     # Near an acute corner, as the wedge has them, a face is too narrow to show its borders.
     assert min(shares) > (0.75 if solid is WEDGE else 0.9)
     assert np.median(shares) > 0.95
@@ -239,11 +237,11 @@ def test_a_box_turned_by_a_quarter_explains_little():
             ahead = -(cube.centers @ R.T + p)
             ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
             assert (np.einsum("fk,fk->f", ahead, cube.normals @ R.T) > 0.15).sum() == 3
-        assert searcher.explained(psi, scene) > 0.85
-        others = turn_about_middle(psi, cube, find_look_alikes(cube))
+        assert searcher.explained(psi, scene).share > 0.85
+        others = find_look_alikes(cube).of(psi)
         assert len(others) == 20
         for other in others:  # The same edges, but other colors
-            assert searcher.explained(other, scene) < 0.7
+            assert searcher.explained(other, scene).share < 0.7
 
 
 def test_borders_are_counted_by_brute_force():
@@ -282,7 +280,7 @@ def test_rows_out_of_the_image_do_not_count(shift):
     )
     assert 30 < counts[0, 1] < 0.9 * all_counts[0, 1]
     assert counts[0, 0] > 0.85 * counts[0, 1]
-    assert searcher.explained(psi, scene) > 0.85
+    assert searcher.explained(psi, scene).share > 0.85
 
 
 def test_few_rows_explain_little():
@@ -293,8 +291,8 @@ def test_few_rows_explain_little():
         psi, scene, searcher.refiner.rules, _borders.Stage(3, 4, 0), 1.0
     ).sum(axis=0)
     assert counts[1] < 500
-    assert searcher.explained(psi, scene) == pytest.approx(counts[0] / 500.0)
-    assert acquisition(BOX).explained(psi, scene) == pytest.approx(counts[0] / counts[1])
+    assert searcher.explained(psi, scene).share == pytest.approx(counts[0] / 500.0)
+    assert acquisition(BOX).explained(psi, scene).share == pytest.approx(counts[0] / counts[1])
 
 
 @pytest.mark.parametrize(

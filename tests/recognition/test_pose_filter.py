@@ -21,7 +21,7 @@ from mffdrake.recognition.pose_filter import (
 )
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 
-SEEDS = range(4)
+SEEDS = range(3)
 RULES = PoseFilterParameters()
 STILL = PoseFilterParameters(
     acceleration=1e-12, angular_acceleration=1e-12, speed=0.3, angular_speed=1.0

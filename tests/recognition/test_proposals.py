@@ -30,7 +30,7 @@ from mffdrake.recognition import (
     SolidModel,
 )
 from mffdrake.recognition.proposals import Proposer
-from mffdrake.recognition.symmetry import find_look_alikes, find_turns
+from mffdrake.recognition.symmetry import find_symmetries
 
 _blobs = pytest.importorskip("mffdrake.recognition._blobs")
 _proposals = pytest.importorskip("mffdrake.recognition._proposals")
@@ -61,13 +61,11 @@ def proposals_of(proposer, images, count=150, first=0, seed=0):
 def off_by(poses, truth, solid=BOX):
     """Distances of the middles [m] and angles [deg], modulo turns that look the same."""
     middle, R_true = solid.vertices.mean(axis=0), rotation(truth[3:])
-    alike = find_look_alikes(solid)
-    same = [S for S in find_turns(solid, 0.02) if not any(np.allclose(S, T) for T in alike)]
     distances, angles = [], []
     for psi in poses:
         R = rotation(psi[3:])
         distances.append(np.linalg.norm(psi[:3] + R @ middle - truth[:3] - R_true @ middle))
-        turns = [R.T @ R_true @ S for S in [np.eye(3), *same]]
+        turns = [R.T @ R_true @ S for S in [np.eye(3), *find_symmetries(solid)]]
         angles.append(min(np.linalg.norm(cv2.Rodrigues(turn)[0]) for turn in turns))
     return np.array(distances), np.degrees(angles)
 

@@ -5,7 +5,12 @@ import pytest
 from synthetic import hexagonal_prism, paper_box, pose, rotation, tetrahedron
 
 from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
-from mffdrake.recognition.symmetry import find_look_alikes, find_turns, turn_about_middle
+from mffdrake.recognition.symmetry import (
+    find_look_alikes,
+    find_symmetries,
+    find_turns,
+    turn_about_middle,
+)
 
 
 @pytest.mark.parametrize(
@@ -87,10 +92,40 @@ def prism_of_two_hues():
 def test_look_alikes_keep_the_shape_but_not_the_colors(solid, count):
     moved = SolidModel(solid.vertices + [0.3, -0.2, 0.1], solid.faces, solid.hues)
     for one in (solid, moved):
-        found = find_look_alikes(one)
+        found, points = find_look_alikes(one)
         assert found.shape == (count, 3, 3)
+        np.testing.assert_allclose(points, np.tile(one.vertices.mean(axis=0), (count, 1)))
+        assert len(find_symmetries(one)) + count == len(find_turns(one, 0.02))
         arms = one.centers - one.vertices.mean(axis=0)
         for R in found:
             apart = np.linalg.norm((arms @ R.T)[:, None] - arms, axis=-1)
             assert apart.min(axis=1).max() < 1e-9
             assert not np.allclose(one.hues[apart.argmin(axis=1)], one.hues)
+
+
+def house():
+    """A box with a roof: ends of five corners, walls and slopes that are rectangles."""
+    end = [(-0.05, 0.0), (0.05, 0.0), (0.05, 0.06), (0.0, 0.1), (-0.05, 0.06)]
+    vertices = [(x, y, z) for z in (0.0, 0.12) for x, y in end]
+    sides = [(k, (k + 1) % 5, 5 + (k + 1) % 5, 5 + k) for k in range(5)]
+    return SolidModel(vertices, [(4, 3, 2, 1, 0), (5, 6, 7, 8, 9), *sides], range(7))
+
+
+def test_turns_of_a_face_alone_look_alike_where_that_face_alone_is_seen():
+    solid = house()
+    turns = find_look_alikes(solid)
+    # The half turn about the floor's normal is the whole shape's; those of walls and slopes not.
+    middle = solid.vertices.mean(axis=0)
+    assert len(turns.rotations) == 1 + 4
+    np.testing.assert_allclose(turns.points[0], middle)
+    psi = pose((0.1, 0.2, 0.7), (0.2, -0.3, 0.4))
+    R, corners = rotation(psi[3:]), solid.vertices
+    onto = set()
+    for turned in turns.of(psi):
+        placed, was = (rotation(q[3:]) @ corners.T + q[:3, None] for q in (turned, psi))
+        np.testing.assert_allclose(np.trace(R.T @ rotation(turned[3:])), -1.0, atol=1e-9)
+        for k, face in enumerate(solid.faces):
+            apart = np.linalg.norm(placed.T[list(face), None] - was.T[list(face)], axis=-1)
+            if apart.min(axis=1).max() < 1e-9:
+                onto.add(k)
+    assert onto == {2, 3, 4, 5, 6}

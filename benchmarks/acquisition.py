@@ -1,0 +1,221 @@
+# ruff: noqa: E501 (text)
+"""How fast and surely a target is found from nothing: writes docs/acquisition.md.
+
+    python benchmarks/acquisition.py [--poses 300] [--workers 2] [--only CASE ...]
+
+With 300 poses it takes about three quarters of an hour on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from acquisition_images import ANYWHERE, SOLIDS, Case, Renderer, disturb
+from numpy.typing import NDArray
+from tables import markdown
+
+from mffdrake.experiment.files import WholeFile
+from mffdrake.experiment.fingerprint import CodeFingerprint
+from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.scenario import Change, Scenario
+from mffdrake.experiment.simulation import Simulate
+from mffdrake.recognition import RefinementParameters, TrackerParameters
+from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
+from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transform_from_pose
+from mffdrake.recognition.symmetry import find_symmetries, turn_about_middle
+
+Array = NDArray[np.float64]
+
+SEED = 7000  # apart from those that the parameters were tuned on
+SHOWN = (1, 2, 3, 10)
+CHUNK = 20  # poses a task
+TOGETHER: dict[str, Any] = {"blobs": 10, "hidden": 0.4, "noise": 5.0, "frames": 10}
+
+CASES = (
+    Case(name="box"),
+    Case(name="box, 10 blobs", blobs=10),
+    Case(name="box, 320 x 240", width=320),
+    Case(name="box, noise of 5 levels", noise=5.0),
+    Case(name="box, partly out of one image", partly=True),
+    Case(name="box, one camera", cameras=1),
+    *(Case(name=name, solid=name) for name in SOLIDS if name != "box"),
+    *(Case(name=f"{name}, 10 blobs", solid=name, blobs=10) for name in SOLIDS if name != "box"),
+    Case(name="six-colored box, any orientation", solid="six-colored box", search_range=ANYWHERE),
+    *(Case(name=f"{name}, 40 % hidden", solid=name, hidden=0.4) for name in SOLIDS),
+    Case(
+        name="six-colored box, any orientation, 40 % hidden", solid="six-colored box",
+        search_range=ANYWHERE, hidden=0.4,
+    ),
+    *(Case(name=f"{name}, all together", solid=name, **TOGETHER) for name in SOLIDS),
+    Case(
+        name="six-colored box, any orientation, all together", solid="six-colored box",
+        search_range=ANYWHERE, **TOGETHER,
+    ),
+)  # fmt: skip
+
+PAGE = """# Found from nothing
+
+Written by `python benchmarks/acquisition.py --poses {poses}{more}`. Code: {code}.
+
+A tracker with `recognizer: {{refinement: borders}}` is shown a target at {poses} random poses of its search range, nothing of which it knows. *Right* is the share of poses recognized to 5 mm and 1 deg at the first, second, third and tenth frame [%]; *says so* the share with `is_tracking` at the third, *false* the share of all frames that say so of a wrong pose. At rest all frames show the same pose; on the path the cameras swing as the hand does on the paper's path at 0.314 rad/s, from a random moment on, and feedforward tells the tracker of it.
+
+*Blobs* are discs and polygons of 8 to 50 pixels in the target's own colors, behind it. *Hidden*: a bar, grey or of a hue that the target lacks, lies over this share of the target's pixels in each image, on a random side. *All together*: ten blobs, 40 % hidden, and noise of 5 levels. Poses are right where the target can be told at all: a bar may hide all of a target but one face, and a face turned by a half may look the same. (The box's half turns, which change nothing that is to be seen, count as right.)
+
+{tables}
+
+Wall time of a frame, median over all poses: {times}"""
+
+
+class Outcome(NamedTuple):
+    """Of poses and frames, shape (poses, frames): errors, what is said of them, wall times [s]."""
+
+    position: Array
+    rotation: Array
+    says: NDArray[np.bool_]
+    wall_s: Array
+
+    @property
+    def right(self) -> NDArray[np.bool_]:
+        """Which poses are right."""
+        return (self.position <= RIGHT_POSITION) & (self.rotation <= RIGHT_ROTATION)
+
+
+def swings() -> tuple[Array, Array]:
+    """How the rig moves from frame to frame on the path: its last pose in the present one."""
+    scenario = Change(Scenario(), {"renderer": "flat", "duration": 14.0, "hand_path.omega": 0.314})
+    R, p = transform_from_pose(Simulate(scenario).true_pose)
+    R_DC = R[1:] @ np.swapaxes(R[:-1], 1, 2)
+    return R_DC, p[1:] - np.einsum("kij,kj->ki", R_DC, p[:-1])
+
+
+def find(
+    case: Case, renderer: str, motion: tuple[Array, Array] | None, first: int, count: int
+) -> Outcome:
+    """Shows some of a case's poses to a tracker."""
+    draw = Renderer(case, renderer)
+    parameters = TrackerParameters(
+        refinement=RefinementParameters(), search_range=case.search_range
+    )
+    symmetries = find_symmetries(SOLIDS[case.solid])
+    solid, shape = SOLIDS[case.solid], (count, case.frames)
+    outcome = Outcome(*(np.zeros(shape, dtype=t) for t in (float, float, bool, float)))
+    for n in range(count):
+        seed = [SEED, first + n]
+        rng = np.random.default_rng(seed)
+        true = case.draw_pose(rng)
+        tracker = parameters.make_tracker(solid=solid, rig=case.rig, seed=first + n)
+        begin = 0 if motion is None else int(rng.integers(len(motion[0]) - case.frames))
+        pictures, generation = draw(true), None
+        for k in range(case.frames):
+            if generation is not None and motion is not None:
+                R_DC, p_DC = motion[0][begin + k], motion[1][begin + k]
+                R, p = transform_from_pose(true)
+                true = pose_from_transform(R_DC @ R, R_DC @ p + p_DC)
+                generation = generation.carried(R_DC, p_DC)
+                pictures = draw(true)
+            if k == 0 or motion is not None or case.noise:
+                images = disturb(pictures, case, seed, k)
+            start = time.perf_counter()
+            if generation is None:
+                generation = tracker.start_population(images, frame=0)
+            else:
+                generation = tracker.track(generation, images, frame=k)
+            outcome.wall_s[n, k] = time.perf_counter() - start
+            alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
+            angles = rotation_angle(alike[:, 3:], generation.best[3:])
+            best = int(np.argmin(angles))
+            outcome.position[n, k] = np.linalg.norm(generation.best[:3] - alike[best, :3])
+            outcome.rotation[n, k] = angles[best]
+            outcome.says[n, k] = generation.is_tracking
+    return outcome
+
+
+def study(options: argparse.Namespace) -> dict[tuple[str, str, str], Outcome]:
+    """All cases, by renderer, motion and name."""
+    cases = [case for case in CASES if not options.only or case.name in options.only]
+    moving = swings()
+    kinds = [
+        (renderer, name, case)
+        for renderer, name, case in itertools.product(options.renderers, options.motions, cases)
+    ]
+    starts = range(0, options.poses, CHUNK)
+    tasks, keys = [], []
+    for renderer, name, case in kinds:
+        for first in starts:
+            count = min(CHUNK, options.poses - first)
+            tasks.append((case, renderer, moving if name == "path" else None, first, count))
+            keys.append((renderer, name, case.name))
+    parts: dict[int, Outcome] = {}
+    bar = ProgressBar(total=len(tasks), desc="acquisition", unit="part")
+    with LocalProcesses(options.workers) as executor, bar:
+        for done in executor.Run(find, tasks):
+            if done.exception is not None:
+                raise RuntimeError(keys[done.index]) from done.exception
+            parts[done.index] = done.value
+            bar.update(1)
+    found: dict[tuple[str, str, str], Outcome] = {}
+    for key in dict.fromkeys(keys):
+        of = [parts[k] for k, other in enumerate(keys) if other == key]
+        found[key] = Outcome(*(np.concatenate(fields) for fields in zip(*of, strict=True)))
+    return found
+
+
+def table(found: dict[str, Outcome]) -> str:
+    """Shares of the poses by case."""
+    heads = ["case", *(f"right, {k}" for k in SHOWN), "says so, 3", "false, any"]
+    rows: list[list[object]] = []
+    for name, outcome in found.items():
+        right, says = outcome.right, outcome.says
+        shares = [right[:, k - 1].mean() if k <= right.shape[1] else math.nan for k in SHOWN]
+        shares += [says[:, 2].mean(), (says & ~right).mean()]
+        rows.append([name, *("-" if math.isnan(s) else f"{100 * s:.1f}" for s in shares)])
+    return markdown(heads, rows)
+
+
+def times(found: dict[tuple[str, str, str], Outcome]) -> str:
+    """Median times of 640 x 480 stereo images that are searched, and tracked."""
+    plain = [o for (_, _, name), o in found.items() if name in ("box", "six-colored box")]
+    if not plain:
+        return "not measured."
+    first = np.median(np.concatenate([o.wall_s[1:, 0] for o in plain]))
+    later = np.median(np.concatenate([o.wall_s[1:, 1:][o.says[1:, :-1]] for o in plain]))
+    return f"searching {1e3 * first:.2f} ms, tracking {1e3 * later:.2f} ms (boxes, stereo)."
+
+
+def main() -> None:
+    """Measures and writes."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=300, help="random poses of each case")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--renderers", nargs="+", default=["flat", "vtk"])
+    parser.add_argument("--motions", nargs="+", default=["rest", "path"], choices=["rest", "path"])
+    parser.add_argument("--only", nargs="+", default=[], choices=[c.name for c in CASES])
+    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
+    options = parser.parse_args()
+    found = study(options)
+    where = {"rest": "at rest", "path": "on the path at 0.314 rad/s, with feedforward"}
+    tables = []
+    for renderer, name in itertools.product(options.renderers, options.motions):
+        of = {key[2]: outcome for key, outcome in found.items() if key[:2] == (renderer, name)}
+        tables.append(f"## {renderer} images, {where[name]}\n\n{table(of)}")
+    print("\n\n".join(tables), "\n\n" + times(found), sep="")
+    if options.only:
+        return
+    page = PAGE.format(
+        poses=options.poses, code=CodeFingerprint(), more="", tables="\n\n".join(tables),
+        times=times(found),
+    )  # fmt: skip
+    with WholeFile(options.docs / "acquisition.md") as part:
+        part.write_text(page + "\n", encoding="utf-8")
+    print(f"\nwritten: {options.docs / 'acquisition.md'}")
+
+
+if __name__ == "__main__":
+    main()
