@@ -12,6 +12,7 @@ import argparse
 import itertools
 import math
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +29,7 @@ from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.simulation import Simulate
 from mffdrake.recognition import RefinementParameters, TrackerParameters
 from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
+from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transform_from_pose
 from mffdrake.recognition.symmetry import find_symmetries, turn_about_middle
 
@@ -95,22 +97,31 @@ def swings() -> tuple[Array, Array]:
     return R_DC, p[1:] - np.einsum("kij,kj->ki", R_DC, p[:-1])
 
 
-def find(
-    case: Case, renderer: str, motion: tuple[Array, Array] | None, first: int, count: int
-) -> Outcome:
+class Frame(NamedTuple):
+    """What a tracker made of a frame: of which pose and which one it is, errors, wall time [s]."""
+
+    number: int
+    time_step: int
+    generation: Generation
+    position: float
+    rotation: float
+    wall_s: float
+
+
+def show(
+    case: Case, renderer: str, motion: tuple[Array, Array] | None, seed: int, poses: range
+) -> Iterator[Frame]:
     """Shows some of a case's poses to a tracker."""
     draw = Renderer(case, renderer)
     parameters = TrackerParameters(
         refinement=RefinementParameters(), search_range=case.search_range
     )
-    symmetries = find_symmetries(SOLIDS[case.solid])
-    solid, shape = SOLIDS[case.solid], (count, case.frames)
-    outcome = Outcome(*(np.zeros(shape, dtype=t) for t in (float, float, bool, float)))
-    for n in range(count):
-        seed = [SEED, first + n]
-        rng = np.random.default_rng(seed)
+    solid = SOLIDS[case.solid]
+    symmetries = find_symmetries(solid)
+    for n in poses:
+        rng = np.random.default_rng([seed, n])
         true = case.draw_pose(rng)
-        tracker = parameters.make_tracker(solid=solid, rig=case.rig, seed=first + n)
+        tracker = parameters.make_tracker(solid=solid, rig=case.rig, seed=n)
         begin = 0 if motion is None else int(rng.integers(len(motion[0]) - case.frames))
         pictures, generation = draw(true), None
         for k in range(case.frames):
@@ -121,19 +132,30 @@ def find(
                 generation = generation.carried(R_DC, p_DC)
                 pictures = draw(true)
             if k == 0 or motion is not None or case.noise:
-                images = disturb(pictures, case, seed, k)
+                images = disturb(pictures, case, [seed, n], k)
             start = time.perf_counter()
             if generation is None:
                 generation = tracker.start_population(images, frame=0)
             else:
                 generation = tracker.track(generation, images, frame=k)
-            outcome.wall_s[n, k] = time.perf_counter() - start
+            wall_s = time.perf_counter() - start
             alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
             angles = rotation_angle(alike[:, 3:], generation.best[3:])
             best = int(np.argmin(angles))
-            outcome.position[n, k] = np.linalg.norm(generation.best[:3] - alike[best, :3])
-            outcome.rotation[n, k] = angles[best]
-            outcome.says[n, k] = generation.is_tracking
+            apart = float(np.linalg.norm(generation.best[:3] - alike[best, :3]))
+            yield Frame(n, k, generation, apart, float(angles[best]), wall_s)
+
+
+def find(
+    case: Case, renderer: str, motion: tuple[Array, Array] | None, first: int, count: int
+) -> Outcome:
+    """How it went with some of a case's poses."""
+    shape = (count, case.frames)
+    outcome = Outcome(*(np.zeros(shape, dtype=t) for t in (float, float, bool, float)))
+    for frame in show(case, renderer, motion, SEED, range(first, first + count)):
+        at = frame.number - first, frame.time_step
+        outcome.position[at], outcome.rotation[at] = frame.position, frame.rotation
+        outcome.says[at], outcome.wall_s[at] = frame.generation.is_tracking, frame.wall_s
     return outcome
 
 

@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (text)
 """Fits the confidence's weights, checks it on other runs, and writes docs/confidence.md.
 
-    python benchmarks/confidence.py [--seeds 2] [--duration 2] [--workers 2] [--fit] [--only NAME]
+    python benchmarks/confidence.py [--seeds 2] [--duration 2] [--fit] [--only NAME]
 
 With two seeds of 2 s it takes about a quarter of an hour on two cores, with --fit twice as long.
 """
@@ -13,46 +13,44 @@ import itertools
 import logging
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
-from unittest import mock
+from typing import Any, NamedTuple
 
 import numpy as np
+from acquisition import CASES
+from confidence_frames import Judged, of_run, of_starts, of_wrong_optima
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from robustness_conditions import MOTIONS, conditions, motion, texts
 from robustness_page import METHODS, percent
 from tables import markdown
 
-from mffdrake.experiment.evaluation import IsRight
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
 from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.plotting import SaveFigure
 from mffdrake.experiment.progress import ProgressBar
-from mffdrake.experiment.scenario import Change, Scenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition import robust_tracker
+from mffdrake.experiment.scenario import Change
 from mffdrake.recognition.acquisition import AcquisitionParameters
-from mffdrake.recognition.confidence import WEIGHTS, Evidence, confidence, features
-from mffdrake.recognition.tracking_state import TrackingState
+from mffdrake.recognition.confidence import WEIGHTS
 
 Array = NDArray[np.float64]
 
 TRAINING_SEED, CHECK_SEED = 2000, 3000
 RIDGE, STEPS = 0.01, 100
+POSES = 20  # of each of the acquisition study's cases, a seed
 LIMITS = np.array([np.inf] + (len(WEIGHTS) - 1) * [0.0])
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 1.0)
 Z = 1.959964  # of a normal distribution's middle 95 %
 
 FEATURES = {
     "1": "the constant",
-    "hidden": "share of the borders that the images do not show",
+    "hidden · unfit": "share of the borders that the images do not show, times 1 - fitness",
+    "uneven": "how much larger the share that they show is in one camera's image than in another's",
     "rough": "log of how far borders lie from edges, in units of 1.1 times what is expected; 0 below",
-    "hidden · rough": "both together",
-    "unfit": "1 - fitness",
+    "unfit · rough": "1 - fitness, times that",
     "distrusted": "1 - mean robust weight of the borders",
     "surprise": "log of 1 + how far the pose is from where it was expected, squared, in units of what is known of the motion",
     "vague": "1 - probability that an error of the stated covariance is within 5 mm and 1 deg",
@@ -88,6 +86,8 @@ The intervals (95 %, Wilson) are those of as many independent frames. Frames of 
 
 {thresholds}
 
+{others}
+
 {worst}
 
 All conditions count alike, and most images are disturbed. In another mix the same confidence may be right more or less often. No image tells of errors that agree with it, such as a wrong focal length."""
@@ -106,62 +106,64 @@ class Frames:
     names: list[str]
     total: int
 
+    @classmethod
+    def of(cls, parts: Sequence[Judged], names: list[str]) -> Frames:
+        """The frames of several runs with names."""
+        rows, right, totals = zip(*parts, strict=True)
+        run = np.repeat(np.arange(len(right)), [len(one) for one in right])
+        return cls(np.concatenate(rows), np.concatenate(right), run, names, sum(totals))
+
     def confidence(self, weights: Array) -> Array:
         """What the weights make of the frames, shape (K,)."""
-        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(self.features @ weights, -500.0, 500.0))))
+        return logistic(self.features, weights)
 
 
-def record(scenario: Scenario) -> tuple[Array, NDArray[np.bool_], int]:
-    """Features and whether they are right of a run's frames that count, and the number of all."""
-    judged: list[Evidence | None] = []
-    with mock.patch.object(robust_tracker, "confidence", wraps=confidence) as judge:
-
-        def on_frame(time: float, wall_s: float) -> None:
-            judged.append(judge.call_args.args[0] if judge.called else None)
-            judge.reset_mock()
-
-        result = Simulate(scenario, on_frame=on_frame)
-    counts = np.flatnonzero(result.state == TrackingState.TRACKING)
-    rows = np.empty((len(counts), len(WEIGHTS)))
-    for row, k in zip(rows, counts, strict=True):
-        evidence = judged[k]
-        if evidence is None or confidence(evidence) != result.confidence[k]:
-            raise RuntimeError(f"frame {k}: {evidence} is not what it was judged by")
-        row[:] = features(evidence)
-    return rows, IsRight(result)[counts], len(result.time)
+def judge(
+    function: Callable[..., Judged], tasks: Sequence[tuple[Any, ...]], names: list[str], title: str
+) -> Frames:
+    """Calls a function that judges frames with all arguments, in several processes."""
+    found: dict[int, Judged] = {}
+    bar = ProgressBar(total=len(tasks), desc=title, unit="run")
+    with LocalProcesses() as executor, bar:
+        for outcome in executor.Run(function, tasks):
+            if outcome.exception is not None:
+                raise RuntimeError(names[outcome.index]) from outcome.exception
+            found[outcome.index] = outcome.value
+            bar.update(1)
+    # Whichever ended first: sums come out the same.
+    return Frames.of([found[k] for k in sorted(found)], names)
 
 
-def collect(options: argparse.Namespace, first_seed: int, title: str) -> Frames:
-    """Runs all conditions with seeds from a first one on."""
+def of_study(options: argparse.Namespace, first_seed: int, title: str) -> Frames:
+    """The frames of all conditions' runs with seeds from a first one on."""
     groups = options.only or texts()
     chosen = [c for c in conditions(options.duration) if c.group in groups]
     scenarios, names = [], []
     seeds = range(first_seed, first_seed + options.seeds)
     for condition, name, method, seed in itertools.product(chosen, MOTIONS, METHODS, seeds):
         base = Change(motion(name, options.duration), condition.changes)
-        scenarios.append(Change(base, {"method": method, "seed": seed}))
+        scenarios.append((Change(base, {"method": method, "seed": seed}),))
         label = f"{condition.group}, {condition.strength}".removesuffix(", -")
         names.append(f"{label} ({name}, `{method}`)")
-    found: dict[int, tuple[Array, NDArray[np.bool_], int]] = {}
-    bar = ProgressBar(total=len(scenarios), desc=title, unit="run")
-    with LocalProcesses(options.workers) as executor, bar:
-        for outcome in executor.Run(record, [(scenario,) for scenario in scenarios]):
-            if outcome.exception is not None:
-                raise RuntimeError(names[outcome.index]) from outcome.exception
-            found[outcome.index] = outcome.value
-            bar.update(1)
-    ordered = [found[k] for k in sorted(found)]  # whichever ended first: sums come out the same
-    rows, right, totals = zip(*ordered, strict=True)
-    run = np.repeat(np.arange(len(right)), [len(of) for of in right])
-    return Frames(np.concatenate(rows), np.concatenate(right), run, names, sum(totals))
+    return judge(of_run, scenarios, names, title)
 
 
-def fit(frames: Frames) -> Array:
+def of_images(
+    function: Callable[..., Judged], options: argparse.Namespace, seed: int, title: str
+) -> Frames:
+    """What a function judges of poses of the acquisition study's cases."""
+    cases = [case for case in CASES if case.hidden or function is of_wrong_optima]
+    tasks = [(case, seed, range(POSES * options.seeds)) for case in cases]
+    return judge(function, tasks, [case.name for case in cases], title)
+
+
+def fit(frames: Sequence[Frames]) -> Array:
     """Weights of the greatest likelihood under a ridge penalty, none but the first positive.
 
     Newton steps among the weights that are free: at 0, one is not that would turn positive.
     """
-    X, y = frames.features, frames.right
+    X = np.concatenate([some.features for some in frames])
+    y = np.concatenate([some.right for some in frames])
     ridge = np.where(np.isinf(LIMITS), 0.0, RIDGE)
 
     def loss(weights: Array) -> float:
@@ -170,7 +172,7 @@ def fit(frames: Frames) -> Array:
 
     weights = np.zeros(X.shape[1])
     for _ in range(STEPS):
-        p = frames.confidence(weights)
+        p = logistic(X, weights)
         slope = X.T @ (p - y) + ridge * weights
         free = (weights < LIMITS) | (slope > 0.0)
         if np.abs(slope[free]).max() < 1e-6 * len(y):
@@ -184,6 +186,11 @@ def fit(frames: Frames) -> Array:
     else:
         raise RuntimeError(f"the fit has not settled after {STEPS} steps")
     return weights
+
+
+def logistic(rows: Array, weights: Array) -> Array:
+    """The confidence that weights make of features, shape (K,)."""
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(rows @ weights, -500.0, 500.0))))
 
 
 class Bin(NamedTuple):
@@ -240,6 +247,15 @@ def thresholds(frames: Frames, weights: Array) -> str:
     return markdown(["threshold", "at least that", "false", "missed"], rows)
 
 
+def of_others(hidden: Frames, wrong: Frames, weights: Array) -> str:
+    """Sentences on the check's hidden targets and wrong optima."""
+    least = AcquisitionParameters().believe
+    says = hidden.confidence(weights) >= least
+    false, missed = np.mean(says & ~hidden.right), np.mean(~says & hidden.right)
+    deceive = np.sum(wrong.confidence(weights) >= least)
+    return f"Of {len(says)} frames with targets of all shapes that are hidden by 40 % from the start (`benchmarks/acquisition.py`, {len(hidden.names)} cases), {percent(float(false))} are false at the higher threshold and {percent(float(missed))} missed. Of {len(wrong.right)} wrong poses that explain their borders, to which steps lead from beside the true ones of all cases, {deceive} reach it."
+
+
 def worst(frames: Frames) -> str:
     """Sentences on which runs deceive most."""
     false = (frames.confidence(WEIGHTS) >= AcquisitionParameters().believe) & ~frames.right
@@ -292,7 +308,7 @@ def plot(curve: Sequence[Bin]) -> Figure:
     return figure
 
 
-def page(frames: Frames, fitted: Array | None, given: argparse.Namespace) -> str:
+def page(frames: Frames, others: str, fitted: Array | None, given: argparse.Namespace) -> str:
     """The whole page."""
     p, right, curve = frames.confidence(WEIGHTS), frames.right, bins(frames, WEIGHTS)
     columns = {"weight": WEIGHTS} | ({} if fitted is None else {"fitted anew": fitted})
@@ -306,14 +322,14 @@ def page(frames: Frames, fitted: Array | None, given: argparse.Namespace) -> str
         seeds=given.seeds, duration=given.duration, code=CodeFingerprint(),
         more=" --fit" * given.fit + "".join(f' --only "{name}"' for name in given.only),
         believe=known.believe, keep=known.keep,
-        fitted=f"Those fitted anew are of as many other runs, with seeds from {TRAINING_SEED} on; all below "
+        fitted=f"Those fitted anew are of as many other runs, with seeds from {TRAINING_SEED} on, of hidden targets, and of wrong optima; all below "
         "is of the weights in use." * (fitted is not None),
         weights=markdown(["feature", *columns, "what it is"], rows), runs=len(frames.names),
         first=CHECK_SEED, names=", ".join(given.only or texts()),
         motions=" and ".join(MOTIONS.values()), frames=frames.total, tracking=len(right),
         share=percent(float(right.mean())), mean=p.mean(), brier=np.mean((p - right) ** 2),
         naive=right.var(), table=reliability(curve), outside=outside(curve),
-        thresholds=thresholds(frames, WEIGHTS), worst=worst(frames),
+        thresholds=thresholds(frames, WEIGHTS), others=others, worst=worst(frames),
     )  # fmt: skip
 
 
@@ -322,7 +338,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=2, help="runs of each kind")
     parser.add_argument("--duration", type=float, default=2.0, help="of a run [s]")
-    parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--fit", action="store_true", help="fit the weights on other seeds before")
     parser.add_argument("--only", action="append", default=[], choices=texts(), help="a group")
     parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
@@ -330,18 +345,29 @@ def main() -> None:
     logging.getLogger("mffdrake").setLevel(logging.ERROR)  # Hundreds would warn of the same.
     fitted = None
     if options.fit:
-        training = collect(options, TRAINING_SEED, "training")
+        training = [
+            of_study(options, TRAINING_SEED, "training: runs"),
+            of_images(of_starts, options, TRAINING_SEED, "training: hidden targets"),
+            of_images(of_wrong_optima, options, TRAINING_SEED, "training: wrong optima"),
+        ]
         fitted = fit(training)
         print(f"WEIGHTS = np.array([{', '.join(f'{w:.2f}' for w in fitted)}])")
-        print(f"of {len(training.right)} frames, {percent(training.right.mean())} right")
-    frames = collect(options, CHECK_SEED, "check")
+        for some in training:
+            print(f"of {len(some.right)} frames, {percent(some.right.mean())} right")
+    frames = of_study(options, CHECK_SEED, "check: runs")
+    hidden = of_images(of_starts, options, CHECK_SEED, "check: hidden targets")
+    wrong = of_images(of_wrong_optima, options, CHECK_SEED, "check: wrong optima")
     for weights in (WEIGHTS,) if fitted is None else (WEIGHTS, fitted):
         table = reliability(bins(frames, weights))
         print(f"\nweights {weights.round(2)}\n{table}\n\n{thresholds(frames, weights)}")
+        print(f"\n{of_others(hidden, wrong, weights)}")
     picture = MakeOutputFolder(options.docs / "images") / "reliability.png"
     SaveFigure(plot(bins(frames, WEIGHTS)), picture)
     with WholeFile(options.docs / "confidence.md") as part:
-        part.write_text(page(frames, fitted, options) + "\n", encoding="utf-8")
+        part.write_text(
+            page(frames, of_others(hidden, wrong, WEIGHTS), fitted, options) + "\n",
+            encoding="utf-8",
+        )
     print(f"\nwritten: {options.docs / 'confidence.md'}, {picture}")
 
 

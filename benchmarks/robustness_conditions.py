@@ -14,8 +14,8 @@ from mffdrake.experiment.yaml_text import ReadYaml
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 MODERATE = "all together"
-# Of these, "all together" has none: they are no disturbance that lasts.
-OUTAGES = ("frozen images", "black images", "out of view")
+# Of these, "all together" has none: they last for a while, or leave less of the target.
+APART = ("frozen images", "black images", "hidden", "out of view")
 
 MOTIONS = {"path": "the paper's path at 0.314 rad/s", "shaking": "the shaking hand"}
 RECOGNIZER = "{renderer: flat, recognizer: {refinement: borders, start: random}}"
@@ -68,6 +68,14 @@ def passing(width: float, duration: float) -> str:
     return (
         f"clutter: [!Occluder {{size: [{width}, 0.5, 0.01], amplitude: 0.4, "
         f"start: {0.3 * duration}, duration: {0.4 * duration}}}]"
+    )
+
+
+def hidden(top: float, duration: float) -> str:
+    """A plate that stands in the line of sight, its upper edge so high in the target's frame."""
+    return (
+        "clutter: [!Occluder {size: [0.8, 0.3, 0.01], amplitude: 0, "
+        f"center: [0, {top + 0.15}, -0.3]}}]"
     )
 
 
@@ -137,6 +145,13 @@ GROUPS = (
         "frames to recover count from when it has come to rest beside the target.",
         make=passing,
         strengths={"3 cm wide": 0.03, "10 cm wide": 0.1, "30 cm, hides all": 0.3},
+    ),
+    Group(
+        name="hidden",
+        text="A grey plate stands 0.3 m in front of the target all the time. Seen from the hand's "
+        "place at rest, it hides this share of the target's pixels, its lower part, in both "
+        "images.",
+        make=hidden, strengths={"20 %": -0.014, "40 %": -0.038, "50 %": -0.05},
     ),
     Group(
         name="distractors",
@@ -248,7 +263,7 @@ def conditions(duration: float) -> Iterator[Condition]:
         for k, (label, strength) in enumerate(group.strengths.items()):
             changes = ReadYaml(group.make(strength, duration=duration))
             yield Condition(group=group.name, strength=label, changes=changes)
-            if k == 0 and group.name not in OUTAGES:
+            if k == 0 and group.name not in APART:
                 together = _add(together, changes)
     together["disturbances"].sort(key=lambda entry: not _is_light(entry))
     yield Condition(group=MODERATE, strength="the weakest of each", changes=together)
@@ -274,8 +289,8 @@ def texts() -> dict[str, str]:
     """The groups' names and what is disturbed in each."""
     known = {group.name: group.text for group in GROUPS}
     known[MODERATE] = (
-        "The weakest strength of each group at once, without frozen and black images and with the "
-        "whole target in view."
+        "The weakest strength of each group at once, without frozen and black images, with the "
+        "whole target in view and no plate that stands before it."
     )
     return known
 

@@ -8,7 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._proposals import Sources
+from mffdrake.recognition._structs import Scene, new_placed, place
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -72,6 +74,28 @@ def pick_distinct(
                 free[i] = False
         free[best] = False
     return picked[:found]
+
+
+@njit(cache=True, error_model="numpy")
+def silhouette_areas(poses: Array, scene: Scene, areas: Array) -> Array:
+    """Solid angle of the solid at poses, summed over the cameras, shape (N,) [sr].
+
+    ``areas`` are the faces' [m^2]. Each counts as if it was small and far away.
+    """
+    solid, placed = scene.solid, new_placed()
+    seen = np.zeros(len(poses))
+    for view in scene.views:
+        for i in range(len(poses)):
+            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            for k in range(len(areas)):
+                toward, squared = 0.0, 0.0
+                for j in range(3):
+                    d = placed.p_MK[j] - solid.centers[k, j]
+                    toward += solid.normals[k, j] * d
+                    squared += d * d
+                if toward > 0.0:
+                    seen[i] += areas[k] * toward / squared**1.5
+    return seen
 
 
 @njit(cache=True, error_model="numpy")

@@ -29,6 +29,7 @@ _COARSE = SamplingParameters(spacing=0.15, margin=0.015, strip_offsets=(0.015, 0
 """Of a solid of size 1: the proposals' scores need not tell millimeters."""
 _APART = 0.075  # of the solid's size, and
 _TURNED = math.radians(15.0)  # poses nearer than both are the same, before the steps;
+_LEAST_IN_ONE = 10  # places where a camera should show borders, for its share to tell something
 _CLOSE = 0.5  # after the first steps, so much less is enough to be another.
 
 
@@ -67,17 +68,17 @@ class AcquisitionParameters:
     kind: ClassVar[str] = "blobs"
 
     proposals: Count = 150
-    tried: Count = 20
-    drawn: Annotated[int, Ge(0)] = 10
+    tried: Count = 24
+    drawn: Annotated[int, Ge(0)] = 12
     windows: Annotated[tuple[Count, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
     early: Annotated[int, Ge(0)] = 2
-    kept: Count = 5
+    kept: Count = 6
     found: Share = 0.40
     lost: Share = 0.35
     sure: Share = 0.70
     margin: Share = 0.05
-    believe: Share = 0.95
-    keep: Share = 0.9
+    believe: Share = 0.97
+    keep: Share = 0.95
     patience: Count = 30
     least_rows: Count = 30
     tolerance: Annotated[float, Ge(0.1)] = 1.0
@@ -96,10 +97,12 @@ class Explained(NamedTuple):
     Attributes:
         shown: At so many places they do.
         share: Of the places along its visible edges, those (0 to 1).
+        uneven: How much larger that share is in one camera's image than in another's (0 to 1).
     """
 
     shown: int
     share: float
+    uneven: float = 0.0
 
 
 class Candidate(NamedTuple):
@@ -201,11 +204,13 @@ class Acquisition:
             np.array(pose, dtype=float), scene, self.refiner.rules, look, float(p.tolerance)
         )
         shown, sought = counts.sum(axis=0).tolist()
-        return Explained(shown, shown / max(sought, p.least_rows))
+        shares = [one / of for one, of in counts.tolist() if of >= _LEAST_IN_ONE]
+        uneven = max(shares) - min(shares) if shares else 0.0
+        return Explained(shown, shown / max(sought, p.least_rows), uneven)
 
     def _judged(self, poses: Array, scene: Scene) -> list[Candidate]:
         found = [Candidate(pose, self.explained(pose, scene)) for pose in poses]
-        return sorted(found, key=lambda candidate: -candidate.explained.share)
+        return sorted(found, key=lambda candidate: -candidate.explained.shown)
 
     def _pick(
         self,
@@ -216,12 +221,14 @@ class Acquisition:
         apart: float,
         rng: np.random.Generator,
     ) -> Array:
-        """The best distinct ones, coarsely matched."""
+        """The distinct ones that account for the largest parts of the images, coarsely matched."""
         from mffdrake.recognition import _picking  # numba: slow to import
 
+        # Not the share: of a target that is hidden in part, it is small where the pose is right.
+        areas = _picking.silhouette_areas(proposed.poses, scene, self.matcher.solid.areas)
         picked = _picking.pick_distinct(
             proposed.poses,
-            self._coarse.score(proposed.poses, scene),
+            areas * self._coarse.score(proposed.poses, scene),
             proposed.origins,
             proposed.sources,
             (count, min(num_drawn, count)),

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.acquisition import Explained
 from mffdrake.recognition.refinement import Refinement
 
 __all__ = [
@@ -26,7 +27,7 @@ RIGHT_POSITION, RIGHT_ROTATION = 0.005, math.radians(1.0)
 """A pose no farther off than this [m], [rad] is right."""
 
 
-WEIGHTS = np.array([7.82, -4.77, -2.82, 0.0, -7.39, -11.57, -0.35, 0.0, -5.14])
+WEIGHTS = np.array([7.98, -4.1, -4.0, -1.05, -16.0, -18.7, -0.38, 0.0, -5.0])
 """Of the `features`."""
 
 
@@ -35,6 +36,7 @@ class Evidence(NamedTuple):
 
     Attributes:
         explained: Share of its borders that the images show (0 to 1).
+        uneven: How much larger that share is in one camera's image than in another's (0 to 1).
         fitness: Its fitness (0 to 1).
         residual: How far borders lie from edges, in units of what is expected.
         disagreement: How far one camera's borders alone would move it [m].
@@ -44,6 +46,7 @@ class Evidence(NamedTuple):
     """
 
     explained: float
+    uneven: float
     fitness: float
     residual: float
     disagreement: float
@@ -53,18 +56,19 @@ class Evidence(NamedTuple):
 
     @classmethod
     def of(
-        cls, refined: Refinement, covariance: ArrayLike, explained: float, surprise: float
+        cls, refined: Refinement, covariance: ArrayLike, explained: Explained, surprise: float
     ) -> Evidence:
         """The evidence for a refined pose.
 
         Args:
             refined: Its refinement, which converged.
             covariance: Of its position [m] and rotation vector [rad], shape (6, 6).
-            explained: Share of its borders that the images show (0 to 1).
+            explained: Its borders that the images show.
             surprise: See `PoseFilter`.
         """
         return cls(
-            explained,
+            explained.share,
+            explained.uneven,
             refined.fitness,
             refined.residual / refined.expected_residual,
             refined.disagreement,
@@ -81,17 +85,18 @@ def features(evidence: Evidence) -> Array:
         evidence: What is known of it.
 
     Example:
-        >>> clear = Evidence(explained=1.0, fitness=1.0, residual=1.0, disagreement=0.0,
-        ...                  trusted=1.0, within=1.0, surprise=0.0)
+        >>> clear = Evidence(explained=1.0, uneven=0.0, fitness=1.0, residual=1.0, trusted=1.0,
+        ...                  disagreement=0.0, within=1.0, surprise=0.0)
         >>> features(clear)
         array([1., 0., 0., 0., 0., 0., 0., 0., 0.])
     """
     e = evidence
-    hidden = 1.0 - e.explained
     # A tenth more than what is expected is nothing yet.
     rough = max(0.0, math.log(max(e.residual, 1e-9) / 1.1))
+    # What is hidden in part is unfit, too, but what of it shows lies where it should.
+    unfit = 1.0 - e.fitness
     return np.array([
-        1.0, hidden, rough, hidden * rough, 1.0 - e.fitness, 1.0 - e.trusted,
+        1.0, (1.0 - e.explained) * unfit, e.uneven, rough, unfit * rough, 1.0 - e.trusted,
         math.log1p(e.surprise), 1.0 - e.within, math.log1p(1e3 * max(0.0, e.disagreement)),
     ])  # fmt: skip
 
@@ -105,8 +110,8 @@ def confidence(evidence: Evidence) -> float:
         evidence: What is known of the pose.
 
     Example:
-        >>> clear = Evidence(explained=0.98, fitness=1.0, residual=1.0, disagreement=0.0,
-        ...                  trusted=0.95, within=1.0, surprise=0.5)
+        >>> clear = Evidence(explained=0.98, uneven=0.02, fitness=1.0, residual=1.0, trusted=0.95,
+        ...                  disagreement=0.0, within=1.0, surprise=0.5)
         >>> doubtful = clear._replace(explained=0.5, fitness=0.6, residual=2.5)
         >>> confidence(clear) > 0.99, confidence(doubtful) < 0.5
         (True, True)

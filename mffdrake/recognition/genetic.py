@@ -154,7 +154,8 @@ class GeneticParameters:
         mutation_probability: Chance of each bit of a crossover child to flip.
         local_share: Share of the children that are small motions of the best individual.
         newcomer_share: Share of the children drawn over the whole search range.
-        first_candidates: The first population is the best of this many times its size.
+        first_candidates: The first population is the best of this many times its size. (Where the
+            target is searched for beside the GA, it is drawn once: see `RobustTracker`.)
         average_best: Whether the mean of all that share the highest fitness takes a place in the
             next generation, and local moves start from there instead of from the first of them.
 

@@ -88,7 +88,7 @@ class RefinementParameters:
     edge_error: NonNegative = 0.01
     min_trusted: Share = 0.5
     max_residual: Annotated[float, Ge(0)] = 4.0
-    min_fitness: Share = 0.25
+    min_fitness: Share = 0.15
     max_position_std: Annotated[float, Ge(0)] = 0.002
     max_rotation_std_deg: Annotated[float, Ge(0)] = 1.0
     max_shift: Annotated[float, Ge(0)] = 0.030

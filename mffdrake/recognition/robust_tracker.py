@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 _NEAR = 20  # proposals where the target was last seen
 _LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
 _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
+_SELDOM = 4  # Every so many frames it searches beside what it relies on.
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
 _STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
 _UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
@@ -59,8 +60,8 @@ class RobustTracker:
 
     *Tracking*, it takes one generation around the predicted pose and refines the best individual.
     Where that fails, the prediction was poor, and wide steps from it are taken. Where it explains
-    little, it searches beside. A `PoseFilter` follows the motion that the target has of its own, on
-    top of the hand's where that is fed forward, and carries all hypotheses along.
+    little, it searches beside, now and then. A `PoseFilter` follows the motion that the target has
+    of its own, on top of the hand's where that is fed forward, and carries all hypotheses along.
 
     *Not seen*, the pose is predicted for some frames, and counts as lost from then on. Meanwhile it
     searches where the target may be by now, and everywhere.
@@ -136,7 +137,7 @@ class RobustTracker:
             The population, with the target's pose first where it is found.
         """
         scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
-        first = self._stamped(self.ga.draw(scene, gains, rng), scene)[0]
+        first = self._stamped(self._plain.draw(scene, gains, rng), scene)[0]
         return self._search(first, images, scene, frame, rng)
 
     def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
@@ -206,20 +207,21 @@ class RobustTracker:
         assert generation.motion is not None
         predicted = generation.motion.pose
         bred = self.ga.breed(generation, scene, rng, center=predicted)
-        seen = self._sight.near(bred.best, predicted, scene)
+        seen = self.sight.near(bred.best, predicted, scene)
         if seen is None:
             return None, bred
-        if seen.explained.share < p.sure or generation.state == TrackingState.AMBIGUOUS:
-            other, _ = self._sight.anywhere(scene, bred.poses[:1], frame, rng)
-            tracked = generation.is_tracking
-            if other is not None and not self._sight.is_one(other.pose, seen.pose):
+        tracked = generation.is_tracking
+        doubtful = seen.explained.share < p.sure and not (tracked and frame % _SELDOM)
+        if doubtful or generation.state == TrackingState.AMBIGUOUS:
+            other, _ = self.sight.anywhere(scene, bred.poses[:1], frame, rng)
+            if other is not None and not self.sight.is_one(other.pose, seen.pose):
                 better = other.explained.shown / seen.explained.shown - 1.0
                 if better > p.margin * (_INSIST if tracked else 1.0):
                     seen = other
-                elif better > -p.margin:
+                elif better > -p.margin and not tracked:  # which it was where others had less
                     seen = seen._replace(ambiguous=True)
             elif not tracked:
-                seen = self._sight.resolve(seen, scene)
+                seen = self.sight.resolve(seen, scene)
         return seen, bred
 
     def _search(
@@ -234,7 +236,7 @@ class RobustTracker:
         known = generation.poses[:1]
         if generation.motion is not None:
             known = np.concatenate([known, self._draw_near(generation.motion, rng)])
-        seen, candidates = self._sight.anywhere(scene, known, frame, rng)
+        seen, candidates = self.sight.anywhere(scene, known, frame, rng)
         if seen is not None:
             return self._took(dc.replace(generation, motion=None), seen, images)
         unseen = self._unseen(generation)
@@ -291,7 +293,7 @@ class RobustTracker:
         certain = 0.0
         if not seen.ambiguous:
             covariance = body_covariance(pose, C)
-            evidence = Evidence.of(seen.refined, covariance, seen.explained.share, motion.surprise)
+            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.surprise)
             certain = confidence(evidence) * (_DOUBT if unseen else 1.0)
         is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains
@@ -311,6 +313,12 @@ class RobustTracker:
         )
 
     @cached_property
-    def _sight(self) -> Sight:
+    def _plain(self) -> OneStepGaTracker:
+        """The GA with no more first candidates than individuals: to find it is not its task."""
+        return dc.replace(self.ga, parameters=dc.replace(self.ga.parameters, first_candidates=1))
+
+    @cached_property
+    def sight(self) -> Sight:
+        """What it looks for the target with, in one frame's images."""
         assert isinstance(self.ga.refiner, BorderRefiner)  # as was checked
         return Sight(self.ga.refiner, self.ga.coding.search_range, self.parameters)

@@ -44,6 +44,7 @@ class SolidModel:
         hues: As given, in [0, 2 pi), shape (F,).
         materials: Name of each face's material, a tuple; faces of one material look alike.
         normals: Outward unit normals, shape (F, 3).
+        areas: Of the faces [m^2], shape (F,).
         centers: Mean of each face's corners [m], shape (F, 3).
         edges: Corner indices of each edge, shape (E, 2).
         edge_faces: The two faces that meet at each edge, shape (E, 2).
@@ -80,7 +81,10 @@ class SolidModel:
                 f"SolidModel: {len(self.faces)} faces need as many materials, not "
                 f"{len(self.materials)}"
             )
-        self.normals: Array = np.array([self._normal(face) for face in self.faces])
+        doubled = np.array([self._doubled_area(face) for face in self.faces])
+        lengths = np.linalg.norm(doubled, axis=1)
+        self.normals: Array = doubled / lengths[:, None]
+        self.areas: Array = 0.5 * lengths
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
         self.edges, self.edge_faces = self._find_edges()
         heights = np.einsum("fk,fvk->fv", self.normals, self.vertices[None] - self.centers[:, None])
@@ -185,11 +189,10 @@ class SolidModel:
         """Diagonal of the box around it, along the axes of its frame [m]."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
-    def _normal(self, face: Sequence[int]) -> Array:
-        """Outward unit normal of a face (Newell's method)."""
+    def _doubled_area(self, face: Sequence[int]) -> Array:
+        """Outward normal of a face, as long as twice its area (Newell's method)."""
         p = self.vertices[list(face)]
-        n = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
-        return np.asarray(n / np.linalg.norm(n))
+        return np.asarray(np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0))
 
     def _find_edges(self) -> tuple[IntArray, IntArray]:
         """Edges with the two faces that meet there."""

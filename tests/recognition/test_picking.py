@@ -5,7 +5,9 @@ import math
 import cv2
 import numpy as np
 import pytest
-from synthetic import rotation
+from synthetic import paper_box, pose, random_poses, rotation, tetrahedron
+
+from mffdrake.recognition import Camera, CameraRig, Matcher, SearchModel
 
 _picking = pytest.importorskip("mffdrake.recognition._picking")
 _proposals = pytest.importorskip("mffdrake.recognition._proposals")
@@ -81,3 +83,25 @@ def test_what_scores_nothing_is_never_picked():
     assert len(picked) == (scores > 0.0).sum()
     assert len(pick(poses, 0.0 * scores, origins, np.ones(9), (80, 9), apart)) == 0
     assert len(pick(poses[:0], scores[:0], origins[:0], [], (20, 10), apart)) == 0
+
+
+@pytest.mark.parametrize("solid", [paper_box(), tetrahedron()])
+def test_a_silhouettes_area_is_that_of_the_hull_of_its_corners(solid):
+    """Far away, its solid angle is its area in the image of a camera that looks at it."""
+    rig = CameraRig((Camera(width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0),))
+    matcher = Matcher(SearchModel(solid), rig)
+    scene = matcher.scene([np.zeros((480, 640, 3), dtype=np.uint8)])
+    turns = random_poses(np.random.default_rng(3), 20)[:, 3:]
+    poses = np.array([pose((0.0, 0.0, 40.0), eps) for eps in turns])
+    expected = []
+    for psi in poses:
+        corners = solid.vertices @ rotation(psi[3:]).T + psi[:3]
+        outline = cv2.convexHull((1000.0 * corners[:, :2] / corners[:, 2:]).astype(np.float32))
+        expected.append(1e-6 * cv2.contourArea(outline))
+    found = _picking.silhouette_areas(poses, scene, solid.areas)
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+    # Two cameras in one place see twice as much.
+    twice = scene._replace(views=2 * scene.views)
+    np.testing.assert_allclose(
+        _picking.silhouette_areas(poses, twice, solid.areas), 2.0 * found, rtol=1e-12
+    )

@@ -83,6 +83,18 @@ def test_primary_hues_are_those_of_the_color_circle():
         assert 2 * math.pi * colorsys.rgb_to_hsv(*color)[0] == pytest.approx(hue)
 
 
+@pytest.mark.parametrize(
+    ("solid", "areas"),
+    [
+        (paper_box(), [0.03, 0.03, 0.02, 0.02, 0.015, 0.015]),
+        (tetrahedron(0.16), 4 * [math.sqrt(3.0) / 4.0 * (0.16 * math.sqrt(2.0)) ** 2]),
+        (hexagonal_prism(0.08, 0.16), 2 * [1.5 * math.sqrt(3.0) * 0.08**2] + 6 * [0.08 * 0.16]),
+    ],
+)
+def test_areas_of_faces(solid, areas):
+    np.testing.assert_allclose(solid.areas, areas, rtol=1e-12)
+
+
 @solids
 def test_normals_are_outward_unit_vectors_perpendicular_to_their_face(solid):
     middle = solid.vertices.mean(axis=0)
