@@ -27,7 +27,7 @@ RIGHT_POSITION, RIGHT_ROTATION = 0.005, math.radians(1.0)
 """A pose no farther off than this [m], [rad] is right."""
 
 
-WEIGHTS = np.array([7.98, -4.1, -4.0, -1.05, -16.0, -18.7, -0.38, 0.0, -5.0])
+WEIGHTS = np.array([7.05, -7.85, -5.59, -2.03, -4.86, -5.11, -0.30, 0.0, -6.22])
 """Of the `features`."""
 
 
@@ -112,7 +112,7 @@ def confidence(evidence: Evidence) -> float:
     Example:
         >>> clear = Evidence(explained=0.98, uneven=0.02, fitness=1.0, residual=1.0, trusted=0.95,
         ...                  disagreement=0.0, within=1.0, surprise=0.5)
-        >>> doubtful = clear._replace(explained=0.5, fitness=0.6, residual=2.5)
+        >>> doubtful = clear._replace(explained=0.4, uneven=0.3, fitness=0.4, residual=3.0)
         >>> confidence(clear) > 0.99, confidence(doubtful) < 0.5
         (True, True)
     """
