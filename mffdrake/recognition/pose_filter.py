@@ -29,6 +29,9 @@ __all__ = [
 NUM_NUMBERS = 6 + 6 + 12 * 12 + 2
 """How many numbers a filter is."""
 
+_CALMEST = 0.125  # of the accelerations, for a target that has long moved as expected;
+_JOLT = 2.0  # a surprise of the fourth power of this ends that at once
+
 Array = NDArray[np.float64]
 
 
@@ -42,7 +45,7 @@ class PoseFilterParameters:
         speed: Standard deviation of its velocity before anything is known of it [m/s].
         angular_speed: The same of its angular velocity [rad/s].
         adaptive: Whether accelerations count as stronger for a while where measurements are far
-            from where they were expected, and less so where they are not.
+            from where they were expected, and as weaker where they long are not.
 
     Raises:
         ValueError: When a parameter is not positive.
@@ -152,8 +155,10 @@ class PoseFilter:
         return dc.replace(self, surprise=surprise, unrest=self._adapted(surprise))
 
     def _adapted(self, surprise: float) -> float:
-        """Up fast, down slowly; at rest where measurements are as far off as expected."""
-        return max(1.0, self.unrest * min(max(math.sqrt(math.sqrt(surprise)), 0.9), 4.0))
+        """Up fast, down slowly; still where measurements are as far off as expected."""
+        factor = min(max(math.sqrt(math.sqrt(surprise)), 0.9), 4.0)
+        known = max(1.0, self.unrest) if factor > _JOLT else self.unrest
+        return max(_CALMEST, known * factor)
 
     def numbers(self, pose: ArrayLike) -> Array:
         """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).

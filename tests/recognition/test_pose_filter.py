@@ -500,7 +500,8 @@ def test_an_adaptive_filter_is_restless_where_it_was_surprised_and_calms_down():
     known = PoseFilter.of(pose, 1e-8 * np.eye(6), rules)
     for _ in range(30):
         known = known.predict(0.033, rules).update(pose, 1e-8 * np.eye(6))
-    assert known.unrest == 1.0
+    calmest = known.unrest
+    assert calmest < 0.5  # As expected for so long, it is trusted to go on like that.
     jumped = known.predict(0.033, rules).update(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
     assert jumped.surprise > 100.0 and jumped.unrest > 2.0
     wide, narrow = (
@@ -511,10 +512,10 @@ def test_an_adaptive_filter_is_restless_where_it_was_surprised_and_calms_down():
     unmoved = known.surprised(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
     np.testing.assert_array_equal(unmoved.pose, known.pose)
     assert unmoved.unrest > 2.0
-    for _ in range(30):
+    for _ in range(60):
         known = jumped = jumped.predict(0.033, rules)
         jumped = jumped.update(known.pose, 1e-8 * np.eye(6))
-    assert jumped.unrest == 1.0
+    assert jumped.unrest == calmest
 
 
 # Parameters
