@@ -11,11 +11,11 @@ import itertools
 import math
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
+from mffdrake.recognition.pose import pose_from_transform, rotation_matrix, transform_from_pose
+from mffdrake.recognition.pose_motion import rotate_by
 from mffdrake.recognition.solid_model import SolidModel
 
 Array = NDArray[np.float64]
@@ -159,7 +159,8 @@ def find_look_alikes(solid: SolidModel) -> Turns:
         center = corners.mean(axis=0)
         limit = _EXACTLY * np.linalg.norm(corners - center, axis=1).max()
         for step in range(1, len(face)):
-            R = cv2.Rodrigues(2.0 * math.pi * step / len(face) * normal)[0]
+            angle = math.remainder(2.0 * math.pi * step / len(face), 2.0 * math.pi)
+            R = rotation_matrix(rotate_by(angle * normal))
             onto = np.roll(corners, -step, axis=0)
             if np.abs((corners - center) @ R.T + center - onto).max() > limit:
                 continue
