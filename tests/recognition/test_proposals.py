@@ -61,11 +61,12 @@ def proposals_of(proposer, images, count=150, first=0, seed=0):
 def off_by(poses, truth, solid=BOX):
     """Distances of the middles [m] and angles [deg], modulo turns that look the same."""
     middle, R_true = solid.vertices.mean(axis=0), rotation(truth[3:])
+    same = [np.eye(3), *find_symmetries(solid)]
     distances, angles = [], []
     for psi in poses:
         R = rotation(psi[3:])
         distances.append(np.linalg.norm(psi[:3] + R @ middle - truth[:3] - R_true @ middle))
-        turns = [R.T @ R_true @ S for S in [np.eye(3), *find_symmetries(solid)]]
+        turns = [R.T @ R_true @ S for S in same]
         angles.append(min(np.linalg.norm(cv2.Rodrigues(turn)[0]) for turn in turns))
     return np.array(distances), np.degrees(angles)
 
