@@ -112,6 +112,42 @@ def test_the_other_half_of_a_look_alike_is_told_by_a_glimpse_of_another_color():
     assert found.is_tracking and is_right(found, glimpse)
 
 
+@pytest.mark.parametrize("apart", [0.008, 0.015, 0.03])
+def test_cameras_that_are_out_of_step_are_not_relied_on(apart):
+    """They show the target in different places: neither is where the other has it."""
+    tracker, moved = make(), ASKEW + [apart, 0.0, 0.0, 0.0, 0.0, 0.0]
+    images = (see(ASKEW)[0], see(moved)[1])
+    generation = tracker.start_population(images)
+    for k in range(1, 4):
+        assert not generation.is_tracking or is_right(generation, ASKEW)
+        generation = tracker.track(generation, images, frame=k)
+
+
+def test_a_target_behind_a_bar_is_relied_on():
+    tracker = make()
+    images = [image.copy() for image in see(ASKEW)]
+    for image in images:
+        rows = np.flatnonzero((image != GREY).any(axis=(1, 2)))
+        image[int(np.quantile(rows, 0.6)) :] = 90  # It hides the lower part.
+    generation = tracker.start_population(images)
+    for k in range(1, 4):
+        generation = tracker.track(generation, images, frame=k)
+    assert generation.is_tracking and is_right(generation, ASKEW)
+
+
+def test_a_rectangle_alone_does_not_tell_which_way_a_wedge_is_turned():
+    """Its slope is seen straight on, and nothing else of it: turned by a half it looks the same."""
+    ends = [(x, y, -0.09) for x, y in ((-0.06, -0.07), (0.06, -0.07), (0.06, 0.07), (-0.06, 0.07))]
+    corners = [*ends, (-0.06, -0.07, 0.09), (-0.06, 0.07, 0.09)]
+    faces = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 5, 4), (2, 3, 5), (0, 4, 5, 3)]
+    wedge = SolidModel(corners, faces, np.radians(72.0 * np.arange(5)))
+    camera = CameraRig(RIG.cameras[:1])
+    bottom = pose((0.0, 0.1, 0.8), (0.0, 0.0, 0.0))  # It shows the camera its rectangular base.
+    tracker = make(wedge, camera, ALL)
+    generation = tracker.start_population(see(bottom, wedge, camera))
+    assert not generation.is_tracking
+
+
 def test_where_one_face_alone_is_seen_the_pose_is_ambiguous_until_another_shows():
     slab = SolidModel.box((0.2, 0.15, 0.05), (0.0, 1.0, 2.0))  # wider than the cameras' distance
     slab = SolidModel(slab.vertices, slab.faces, SIX.hues)
