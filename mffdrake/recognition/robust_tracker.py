@@ -215,7 +215,7 @@ class RobustTracker:
         if doubtful or generation.state == TrackingState.AMBIGUOUS:
             other, _ = self.sight.anywhere(scene, bred.poses[:1], frame, rng)
             if other is not None and not self.sight.is_one(other.pose, seen.pose):
-                better = other.explained.shown / seen.explained.shown - 1.0
+                better = other.explained.shown / max(1, seen.explained.shown) - 1.0
                 if better > p.margin * (_INSIST if tracked else 1.0):
                     seen = other
                 elif better > -p.margin and not tracked:  # which it was where others had less
