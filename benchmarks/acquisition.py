@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,24 +63,21 @@ CASES = (
 
 PAGE = """# Found from nothing
 
-Written by `python benchmarks/acquisition.py --poses {poses}{more}`. Code: {code}.
+Written by `python benchmarks/acquisition.py --poses {poses}`. Code: {code}.
 
 A tracker with `recognizer: {{refinement: borders}}` is shown a target at {poses} random poses of its search range, nothing of which it knows. *Right* is the share of poses recognized to 5 mm and 1 deg at the first, second, third and tenth frame [%]; *says so* the share with `is_tracking` at the third, *false* the share of all frames that say so of a wrong pose. At rest all frames show the same pose; on the path the cameras swing as the hand does on the paper's path at 0.314 rad/s, from a random moment on, and feedforward tells the tracker of it.
 
 *Blobs* are discs and polygons of 8 to 50 pixels in the target's own colors, behind it. *Hidden*: a bar, grey or of a hue that the target lacks, lies over this share of the target's pixels in each image, on a random side. *All together*: ten blobs, 40 % hidden, and noise of 5 levels. Poses are right where the target can be told at all: a bar may hide all of a target but one face, and a face turned by a half may look the same. (The box's half turns, which change nothing that is to be seen, count as right.)
 
-{tables}
-
-Wall time of a frame, median over all poses: {times}"""
+{tables}"""
 
 
 class Outcome(NamedTuple):
-    """Of poses and frames, shape (poses, frames): errors, what is said of them, wall times [s]."""
+    """Of poses and frames, shape (poses, frames): errors, and what is said of them."""
 
     position: Array
     rotation: Array
     says: NDArray[np.bool_]
-    wall_s: Array
 
     @property
     def right(self) -> NDArray[np.bool_]:
@@ -98,14 +94,13 @@ def swings() -> tuple[Array, Array]:
 
 
 class Frame(NamedTuple):
-    """What a tracker made of a frame: of which pose and which one it is, errors, wall time [s]."""
+    """What a tracker made of a frame: of which pose and which one it is, and errors."""
 
     number: int
     time_step: int
     generation: Generation
     position: float
     rotation: float
-    wall_s: float
 
 
 def show(
@@ -133,17 +128,15 @@ def show(
                 pictures = draw(true)
             if k == 0 or motion is not None or case.noise:
                 images = disturb(pictures, case, [seed, n], k)
-            start = time.perf_counter()
             if generation is None:
                 generation = tracker.start_population(images, frame=0)
             else:
                 generation = tracker.track(generation, images, frame=k)
-            wall_s = time.perf_counter() - start
             alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
             angles = rotation_angle(alike[:, 3:], generation.best[3:])
             best = int(np.argmin(angles))
             apart = float(np.linalg.norm(generation.best[:3] - alike[best, :3]))
-            yield Frame(n, k, generation, apart, float(angles[best]), wall_s)
+            yield Frame(n, k, generation, apart, float(angles[best]))
 
 
 def find(
@@ -151,11 +144,11 @@ def find(
 ) -> Outcome:
     """How it went with some of a case's poses."""
     shape = (count, case.frames)
-    outcome = Outcome(*(np.zeros(shape, dtype=t) for t in (float, float, bool, float)))
+    outcome = Outcome(*(np.zeros(shape, dtype=t) for t in (float, float, bool)))
     for frame in show(case, renderer, motion, SEED, range(first, first + count)):
         at = frame.number - first, frame.time_step
         outcome.position[at], outcome.rotation[at] = frame.position, frame.rotation
-        outcome.says[at], outcome.wall_s[at] = frame.generation.is_tracking, frame.wall_s
+        outcome.says[at] = frame.generation.is_tracking
     return outcome
 
 
@@ -201,16 +194,6 @@ def table(found: dict[str, Outcome]) -> str:
     return markdown(heads, rows)
 
 
-def times(found: dict[tuple[str, str, str], Outcome]) -> str:
-    """Median times of 640 x 480 stereo images that are searched, and tracked."""
-    plain = [o for (_, _, name), o in found.items() if name in ("box", "six-colored box")]
-    if not plain:
-        return "not measured."
-    first = np.median(np.concatenate([o.wall_s[1:, 0] for o in plain]))
-    later = np.median(np.concatenate([o.wall_s[1:, 1:][o.says[1:, :-1]] for o in plain]))
-    return f"searching {1e3 * first:.2f} ms, tracking {1e3 * later:.2f} ms (boxes, stereo)."
-
-
 def main() -> None:
     """Measures and writes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -227,13 +210,10 @@ def main() -> None:
     for renderer, name in itertools.product(options.renderers, options.motions):
         of = {key[2]: outcome for key, outcome in found.items() if key[:2] == (renderer, name)}
         tables.append(f"## {renderer} images, {where[name]}\n\n{table(of)}")
-    print("\n\n".join(tables), "\n\n" + times(found), sep="")
+    print("\n\n".join(tables))
     if options.only:
         return
-    page = PAGE.format(
-        poses=options.poses, code=CodeFingerprint(), more="", tables="\n\n".join(tables),
-        times=times(found),
-    )  # fmt: skip
+    page = PAGE.format(poses=options.poses, code=CodeFingerprint(), tables="\n\n".join(tables))
     with WholeFile(options.docs / "acquisition.md") as part:
         part.write_text(page + "\n", encoding="utf-8")
     print(f"\nwritten: {options.docs / 'acquisition.md'}")
