@@ -18,15 +18,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from acquisition_images import ANYWHERE, SOLIDS, Case, Renderer, disturb
 from numpy.typing import NDArray
+from processes import call_all
 from tables import markdown
 
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition import RefinementParameters, TrackerParameters
+from mffdrake.recognition import (
+    RefinementParameters,
+    RobustTracker,
+    SolidModel,
+    TrackerParameters,
+)
 from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
 from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transform_from_pose
@@ -103,20 +107,35 @@ class Frame(NamedTuple):
     rotation: float
 
 
+def make_tracker(case: Case, seed: int = 0) -> RobustTracker:
+    """The tracker that a case's poses are shown to."""
+    parameters = TrackerParameters(
+        refinement=RefinementParameters(), search_range=case.search_range
+    )
+    tracker = parameters.make_tracker(solid=SOLIDS[case.solid], rig=case.rig, seed=seed)
+    assert isinstance(tracker, RobustTracker)  # as poses are refined
+    return tracker
+
+
+def errors(pose: Array, true: Array, solid: SolidModel, symmetries: Array) -> tuple[float, float]:
+    """Distance [m] and angle [rad], modulo turns that change nothing that is to be seen."""
+    alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
+    angles = rotation_angle(alike[:, 3:], pose[3:])
+    best = int(np.argmin(angles))
+    return float(np.linalg.norm(pose[:3] - alike[best, :3])), float(angles[best])
+
+
 def show(
     case: Case, renderer: str, motion: tuple[Array, Array] | None, seed: int, poses: range
 ) -> Iterator[Frame]:
     """Shows some of a case's poses to a tracker."""
     draw = Renderer(case, renderer)
-    parameters = TrackerParameters(
-        refinement=RefinementParameters(), search_range=case.search_range
-    )
     solid = SOLIDS[case.solid]
     symmetries = find_symmetries(solid)
     for n in poses:
         rng = np.random.default_rng([seed, n])
         true = case.draw_pose(rng)
-        tracker = parameters.make_tracker(solid=solid, rig=case.rig, seed=n)
+        tracker = make_tracker(case, seed=n)
         begin = 0 if motion is None else int(rng.integers(len(motion[0]) - case.frames))
         pictures, generation = draw(true), None
         for k in range(case.frames):
@@ -132,11 +151,7 @@ def show(
                 generation = tracker.start_population(images, frame=0)
             else:
                 generation = tracker.track(generation, images, frame=k)
-            alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
-            angles = rotation_angle(alike[:, 3:], generation.best[3:])
-            best = int(np.argmin(angles))
-            apart = float(np.linalg.norm(generation.best[:3] - alike[best, :3]))
-            yield Frame(n, k, generation, apart, float(angles[best]))
+            yield Frame(n, k, generation, *errors(generation.best, true, solid, symmetries))
 
 
 def find(
@@ -156,28 +171,18 @@ def study(options: argparse.Namespace) -> dict[tuple[str, str, str], Outcome]:
     """All cases, by renderer, motion and name."""
     cases = [case for case in CASES if not options.only or case.name in options.only]
     moving = swings()
-    kinds = [
-        (renderer, name, case)
-        for renderer, name, case in itertools.product(options.renderers, options.motions, cases)
-    ]
     starts = range(0, options.poses, CHUNK)
     tasks, keys = [], []
-    for renderer, name, case in kinds:
-        for first in starts:
-            count = min(CHUNK, options.poses - first)
-            tasks.append((case, renderer, moving if name == "path" else None, first, count))
-            keys.append((renderer, name, case.name))
-    parts: dict[int, Outcome] = {}
-    bar = ProgressBar(total=len(tasks), desc="acquisition", unit="part")
-    with LocalProcesses(options.workers) as executor, bar:
-        for done in executor.Run(find, tasks):
-            if done.exception is not None:
-                raise RuntimeError(keys[done.index]) from done.exception
-            parts[done.index] = done.value
-            bar.update(1)
+    for renderer, name, case, first in itertools.product(
+        options.renderers, options.motions, cases, starts
+    ):
+        count = min(CHUNK, options.poses - first)
+        tasks.append((case, renderer, moving if name == "path" else None, first, count))
+        keys.append((renderer, name, case.name))
+    parts = call_all(find, tasks, keys, "acquisition", options.workers)
     found: dict[tuple[str, str, str], Outcome] = {}
     for key in dict.fromkeys(keys):
-        of = [parts[k] for k, other in enumerate(keys) if other == key]
+        of = [part for part, other in zip(parts, keys, strict=True) if other == key]
         found[key] = Outcome(*(np.concatenate(fields) for fields in zip(*of, strict=True)))
     return found
 

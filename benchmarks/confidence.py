@@ -16,22 +16,21 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from acquisition import CASES
 from confidence_frames import Judged, of_run, of_starts, of_wrong_optima
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from processes import call_all
 from robustness_conditions import MOTIONS, conditions, motion, texts
 from robustness_page import METHODS, percent
 from tables import markdown
 
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.local_processes import LocalProcesses
 from mffdrake.experiment.plotting import SaveFigure
-from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.scenario import Change
 from mffdrake.recognition.acquisition import AcquisitionParameters
 from mffdrake.recognition.confidence import WEIGHTS
@@ -118,22 +117,6 @@ class Frames:
         return logistic(self.features, weights)
 
 
-def judge(
-    function: Callable[..., Judged], tasks: Sequence[tuple[Any, ...]], names: list[str], title: str
-) -> Frames:
-    """Calls a function that judges frames with all arguments, in several processes."""
-    found: dict[int, Judged] = {}
-    bar = ProgressBar(total=len(tasks), desc=title, unit="run")
-    with LocalProcesses() as executor, bar:
-        for outcome in executor.Run(function, tasks):
-            if outcome.exception is not None:
-                raise RuntimeError(names[outcome.index]) from outcome.exception
-            found[outcome.index] = outcome.value
-            bar.update(1)
-    # Whichever ended first: sums come out the same.
-    return Frames.of([found[k] for k in sorted(found)], names)
-
-
 def of_study(options: argparse.Namespace, first_seed: int, title: str) -> Frames:
     """The frames of all conditions' runs with seeds from a first one on."""
     groups = options.only or texts()
@@ -145,7 +128,7 @@ def of_study(options: argparse.Namespace, first_seed: int, title: str) -> Frames
         scenarios.append((Change(base, {"method": method, "seed": seed}),))
         label = f"{condition.group}, {condition.strength}".removesuffix(", -")
         names.append(f"{label} ({name}, `{method}`)")
-    return judge(of_run, scenarios, names, title)
+    return Frames.of(call_all(of_run, scenarios, names, title), names)
 
 
 def of_images(
@@ -154,7 +137,8 @@ def of_images(
     """What a function judges of poses of the acquisition study's cases."""
     cases = [case for case in CASES if case.hidden or function is of_wrong_optima]
     tasks = [(case, seed, range(POSES * options.seeds)) for case in cases]
-    return judge(function, tasks, [case.name for case in cases], title)
+    names = [case.name for case in cases]
+    return Frames.of(call_all(function, tasks, names, title), names)
 
 
 def fit(frames: Sequence[Frames]) -> Array:

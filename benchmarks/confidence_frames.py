@@ -7,14 +7,14 @@ from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from acquisition import show
+from acquisition import errors, make_tracker, show
 from acquisition_images import SOLIDS, Case, Renderer, disturb
 from numpy.typing import NDArray
 
 from mffdrake.experiment.evaluation import IsRight
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition import RefinementParameters, TrackerParameters, robust_tracker
+from mffdrake.recognition import robust_tracker
 from mffdrake.recognition.confidence import (
     RIGHT_POSITION,
     RIGHT_ROTATION,
@@ -23,11 +23,10 @@ from mffdrake.recognition.confidence import (
     confidence,
     features,
 )
-from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_angle
+from mffdrake.recognition.pose import compose_quaternion_vectors
 from mffdrake.recognition.pose_filter import body_covariance
 from mffdrake.recognition.pose_motion import rotate_by
-from mffdrake.recognition.robust_tracker import RobustTracker
-from mffdrake.recognition.symmetry import find_symmetries, turn_about_middle
+from mffdrake.recognition.symmetry import find_symmetries
 from mffdrake.recognition.tracking_state import TrackingState
 
 Array = NDArray[np.float64]
@@ -85,16 +84,11 @@ def of_wrong_optima(case: Case, seed: int, poses: range) -> Judged:
     """
     draw, solid, rows = Renderer(case, "flat"), SOLIDS[case.solid], []
     symmetries = find_symmetries(solid)
-    parameters = TrackerParameters(
-        refinement=RefinementParameters(), search_range=case.search_range
-    )
-    tracker = parameters.make_tracker(solid=solid, rig=case.rig)
-    assert isinstance(tracker, RobustTracker)
+    tracker = make_tracker(case)
     for n in poses:
         rng = np.random.default_rng([seed, n])
         true = case.draw_pose(rng)
         scene = tracker.matcher.scene(disturb(draw(true), case, [seed, n], 0))
-        alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
         for k in range(STARTS):
             axis, angle = rng.normal(size=3), rng.uniform(0.0, math.pi if k % 2 else 0.7)
             turn = rotate_by(angle * axis / np.linalg.norm(axis))
@@ -103,9 +97,8 @@ def of_wrong_optima(case: Case, seed: int, poses: range) -> Judged:
             seen = tracker.sight.near(start, start, scene)
             if seen is None:
                 continue
-            apart = np.linalg.norm(seen.pose[:3] - alike[:, :3], axis=1)
-            turned = rotation_angle(alike[:, 3:], seen.pose[3:])
-            right = ((apart <= RIGHT_POSITION) & (turned <= RIGHT_ROTATION)).any()
+            apart, turned = errors(seen.pose, true, solid, symmetries)
+            right = apart <= RIGHT_POSITION and turned <= RIGHT_ROTATION
             resolved = tracker.sight.resolve(seen, scene)
             if not (right or resolved.ambiguous or resolved.refined is not seen.refined):
                 C = body_covariance(seen.pose, seen.refined.covariance)

@@ -91,10 +91,8 @@ def turn_about_middle(pose: Array, solid: SolidModel, turns: Array) -> Array:
         >>> turn_about_middle(np.zeros(6), cube, np.diag([1.0, -1.0, -1.0])[None])
         array([[0., 0., 0., 1., 0., 0.]])
     """
-    R, p = transform_from_pose(pose)
     middle = solid.vertices.mean(axis=0)
-    turned = R @ turns
-    return pose_from_transform(turned, p + R @ middle - turned @ middle)
+    return Turns(turns, np.broadcast_to(middle, (len(turns), 3))).of(pose)
 
 
 class Turns(NamedTuple):

@@ -136,16 +136,15 @@ def test_a_target_behind_a_bar_is_relied_on():
 
 
 def test_a_rectangle_alone_does_not_tell_which_way_a_wedge_is_turned():
-    """Its slope is seen straight on, and nothing else of it: turned by a half it looks the same."""
-    ends = [(x, y, -0.09) for x, y in ((-0.06, -0.07), (0.06, -0.07), (0.06, 0.07), (-0.06, 0.07))]
-    corners = [*ends, (-0.06, -0.07, 0.09), (-0.06, 0.07, 0.09)]
+    """Its base is seen straight on, and nothing else of it: turned by a half it looks the same."""
+    ends = [(x, y, -0.1) for x, y in ((-0.1, -0.07), (0.1, -0.07), (0.1, 0.07), (-0.1, 0.07))]
+    corners = [*ends, (-0.1, -0.07, 0.1), (-0.1, 0.07, 0.1)]
     faces = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 5, 4), (2, 3, 5), (0, 4, 5, 3)]
     wedge = SolidModel(corners, faces, np.radians(72.0 * np.arange(5)))
-    camera = CameraRig(RIG.cameras[:1])
-    bottom = pose((0.0, 0.1, 0.8), (0.0, 0.0, 0.0))  # It shows the camera its rectangular base.
-    tracker = make(wedge, camera, ALL)
-    generation = tracker.start_population(see(bottom, wedge, camera))
-    assert not generation.is_tracking
+    rig = CameraRig.stereo()  # The base is wider than the cameras' distance.
+    head_on = pose((-0.075, 0.02, 0.9), (0.0, 0.0, 0.1))
+    generation = make(wedge, rig, ALL).start_population(see(head_on, wedge, rig))
+    assert generation.state == TrackingState.AMBIGUOUS and not generation.is_tracking
 
 
 def test_where_one_face_alone_is_seen_the_pose_is_ambiguous_until_another_shows():
