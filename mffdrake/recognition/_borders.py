@@ -107,7 +107,7 @@ def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _find_border(
-    pixels: Image, scan: Scan, sides: Sides, scene: Scene, rules: BorderRules
+    pixels: Image, scan: Scan, sides: Sides, gate: ColorGate, noise: float, rules: BorderRules
 ) -> tuple[float, float]:
     """Sub-pixel position of a border on a row or column, and how blended it is; NaN for none."""
     nothing = (np.nan, 0.0)
@@ -116,14 +116,14 @@ def _find_border(
     # From the expected place to the nearest pixel that shows the color before one that does not
     steps = 0
     direction = -outward
-    if _shows(pixels, origin + stride * k, scene.gate, sides.inside):
+    if _shows(pixels, origin + stride * k, gate, sides.inside):
         direction = outward
     while True:
         steps += 1
         if steps > scan.window:
             return nothing
         k += direction
-        shown = _shows(pixels, origin + stride * k, scene.gate, sides.inside)
+        shown = _shows(pixels, origin + stride * k, gate, sides.inside)
         if shown and direction != outward:
             break
         if not shown and direction == outward:
@@ -138,8 +138,8 @@ def _find_border(
     contrast = dr * dr + dg * dg + db * db
     if contrast < rules.min_contrast * rules.min_contrast:
         return nothing
-    within = _shown_colors(scene.gate, int(r0), int(g0), int(b0))
-    beyond = _shown_colors(scene.gate, int(r1), int(g1), int(b1))
+    within = _shown_colors(gate, int(r0), int(g0), int(b0))
+    beyond = _shown_colors(gate, int(r1), int(g1), int(b1))
     if (within & sides.inside) == 0:
         return nothing
     if sides.outside != 0:
@@ -149,12 +149,13 @@ def _find_border(
         return nothing
     total, blended = 0.0, 0.0
     # How far off colors may be along the line between the two sides, and squared, off it
-    along = rules.max_mismatch + _NOISE_SPAN * scene.noise / math.sqrt(contrast)
-    aside = rules.max_mismatch**2 * contrast + (_NOISE_SPAN * scene.noise) ** 2
+    along = rules.max_mismatch + _NOISE_SPAN * noise / math.sqrt(contrast)
+    dr_each, dg_each, db_each = dr / contrast, dg / contrast, db / contrast
+    aside = rules.max_mismatch**2 * contrast + (_NOISE_SPAN * noise) ** 2
     for i in range(-blend - 1, blend + 3):
         p = last + i * step
         r, g, b = float(pixels[p, 0]) - r1, float(pixels[p, 1]) - g1, float(pixels[p, 2]) - b1
-        share = (r * dr + g * dg + b * db) / contrast
+        share = r * dr_each + g * dg_each + b * db_each
         # A third color is no blend of the two.
         away = r * r + g * g + b * b - share * share * contrast
         if away > aside:
@@ -242,7 +243,9 @@ def find_borders(
                 sought[seen] += 1
                 origin = n * eye.width if line.rows else n
                 scan = Scan(origin, stride, length, expected, outward, stage.window)
-                position, blended = _find_border(pixels, scan, sides, scene, rules)
+                position, blended = _find_border(
+                    pixels, scan, sides, scene.gate, scene.noise, rules
+                )
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
                     border.slot, border.along, border.across = slot, along[r], position

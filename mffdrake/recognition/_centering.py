@@ -27,11 +27,11 @@ Array = NDArray[np.float64]
 
 _LEAST_WALLS = 12  # twice the unknowns
 _HALF = 0.502  # [px] Half the distance of two walls, with a little room for curvature and noise
-_POWER = 10  # of the distances, whose sum is least where the greatest one nearly is
-_POWER_STEPS = 25
-_CLOSELY = 1.002  # After those, walls too far apart close in on the row that is farthest off.
+_LEAST_SLACK = 0.02  # of it, to begin with
+_TO_WALL = 0.95  # So far toward the nearest wall leads a step at most.
+_SHORTEST = 0.01  # A step of a smaller share means that there is no such pose.
 _SETTLED = 0.02  # A step this short, in units of the barrier's own measure, is the last.
-_STEPS = 70
+_STEPS = 25  # Where there is a center, it takes 3 to 10.
 
 
 @njit(cache=True, error_model="numpy")
@@ -72,9 +72,10 @@ def find_walls(borders: Borders) -> Borders:
 def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[bool, Array, Array]:
     """The `move` from a pose to the analytic center of all that round to the same borders.
 
-    Newton steps on the sum of a high power of the distances c of the borders from the lines bring
-    (nearly) all within the walls; then damped ones on ``-sum(log(w - c) + log(w + c))`` lead to
-    their middle, where w is 1/2 as soon as all are within.
+    With c a border's distance from its line, its slacks ``y = w - c`` and ``z = w + c`` are to have
+    the greatest product. Newton's method from an infeasible start (Boyd and Vandenberghe, Convex
+    Optimization, section 10.3): the slacks begin positive, whether or not a pose has them; each
+    step leads toward the center and, as far as it is taken, makes them those of the pose.
 
     Returns:
         Whether there is such a center, the move, and its covariance, both shapes as in `refine`.
@@ -86,41 +87,48 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
         return False, x, H
     residuals, J = np.empty(n), np.empty((n, 6))
     compare(pose, lines, walls, scene, residuals, J)
-    gradient = np.empty(6)
-    settled = False
-    for count in range(_STEPS):
-        widest = 0.0
-        for k in range(n):
-            widest = max(widest, abs(residuals[k]))
-        width = max(_HALF, _CLOSELY * widest)
-        power = width > _HALF and count < _POWER_STEPS
+    y, z = np.empty(n), np.empty(n)
+    for k in range(n):
+        y[k] = max(_HALF - residuals[k], _LEAST_SLACK * _HALF)
+        z[k] = max(_HALF + residuals[k], _LEAST_SLACK * _HALF)
+    gradient, along = np.empty(6), np.empty(n)
+    missing = 1.0  # of what the slacks were off the pose's own at the start
+    for _ in range(_STEPS):
         H[:], gradient[:] = 0.0, 0.0
         for k in range(n):
-            if power:
-                curvature = (residuals[k] / widest) ** (_POWER - 2)
-                slope = curvature * residuals[k] / (_POWER - 1)
-            else:
-                above, below = 1.0 / (width - residuals[k]), 1.0 / (width + residuals[k])
-                slope, curvature = above - below, above * above + below * below
+            one_y, one_z = 1.0 / y[k], 1.0 / z[k]
+            off_y, off_z = _HALF - residuals[k] - y[k], _HALF + residuals[k] - z[k]
+            curvature = one_y * one_y + one_z * one_z
+            slope = one_y - off_y * one_y * one_y - one_z + off_z * one_z * one_z
             for i in range(6):
-                gradient[i] -= J[k, i] * slope
+                gradient[i] += J[k, i] * slope
                 for j in range(i + 1):
                     H[i, j] += J[k, i] * J[k, j] * curvature
         if not factor(H, L):
-            return False, x, H
-        step = solve(L, gradient)
-        share = 1.0
-        if not power:
-            decrement = 0.0
-            for i in range(6):
-                decrement += step[i] * gradient[i]
-            decrement = math.sqrt(max(0.0, decrement))
-            settled = decrement < _SETTLED and width == _HALF
-            share = 1.0 / (1.0 + decrement)  # never beyond a wall
-        for i in range(6):
-            x[i] -= share * step[i]
-            for k in range(n):
-                residuals[k] += share * step[i] * J[k, i]
-        if settled:
             break
-    return settled, x, invert(L)
+        step = solve(L, gradient)
+        decrement = 0.0
+        for i in range(6):
+            decrement += step[i] * gradient[i]
+        share = 1.0
+        for k in range(n):
+            along[k] = 0.0
+            for i in range(6):
+                along[k] += J[k, i] * step[i]
+            dy = _HALF - residuals[k] + along[k] - y[k]
+            dz = _HALF + residuals[k] - along[k] - z[k]
+            if share * dy < -_TO_WALL * y[k]:
+                share = -_TO_WALL * y[k] / dy
+            if share * dz < -_TO_WALL * z[k]:
+                share = -_TO_WALL * z[k] / dz
+        for k in range(n):
+            y[k] += share * (_HALF - residuals[k] + along[k] - y[k])
+            z[k] += share * (_HALF + residuals[k] - along[k] - z[k])
+            residuals[k] -= share * along[k]
+        x += share * step
+        if share < _SHORTEST:
+            break
+        if missing == 0.0 and decrement < _SETTLED**2:
+            return True, x, invert(L)
+        missing *= 1.0 - share
+    return False, x, H

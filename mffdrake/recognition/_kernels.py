@@ -126,15 +126,16 @@ def _place_inside(
             if nearest[j] < greatest:
                 moved = 0.0
                 for s in range(most_sides):
-                    gap = max(0.0, least[s] - inside_distances[j, s])
-                    moved += gap
-                    a += gap * inward[s, 0]
-                    b += gap * inward[s, 1]
-                    c += gap * inward[s, 2]
+                    gap = least[s] - inside_distances[j, s]
+                    if gap > 0.0:
+                        moved += gap
+                        a += gap * inward[s, 0]
+                        b += gap * inward[s, 1]
+                        c += gap * inward[s, 2]
                 clear = True  # Where the face is too narrow, it now is beyond another side.
                 if moved > 0.0:
                     for s in range(most_sides):
-                        if inside_distances[j, s] < np.inf:
+                        if inside_distances[j, s] < least[s] + moved:  # else it still is clear
                             distance = (
                                 (a - side_centers[face, s, 0]) * inward[s, 0]
                                 + (b - side_centers[face, s, 1]) * inward[s, 1]

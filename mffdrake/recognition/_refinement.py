@@ -34,6 +34,9 @@ _STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
 _LEAST_HARDNESS = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
+_NEARLY = 0.1
+_NEAR = 0.3  # of a window, and
+_AGREED = 0.9  # of the weights: then borders are where they should be, and none is far off.
 _DAMPED_FROM = 4  # steps
 _HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
 _SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
@@ -253,7 +256,12 @@ def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, 
     """Refines a pose, see `BorderRefiner.refine`."""
     result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan, 0.0)
     for index in range(len(stages)):
-        result = _refine_once(result.pose, scene, rules, stages[index], index == len(stages) - 1)
+        stage, final = stages[index], index == len(stages) - 1
+        # A narrower window would find the same borders again.
+        near = result.scale < _NEAR * stage.window and result.trusted > _AGREED
+        if near and not final:
+            continue
+        result = _refine_once(result.pose, scene, rules, stage, final)
         if result.outcome != SETTLED:
             break
     return result
@@ -304,6 +312,7 @@ def _refine_once(
     if final and stage.spacing == 1 and hardness > _LEAST_HARDNESS:
         jumps = find_jumps(borders, lines)
     found = Found(borders, jumps, stage.spacing, hardness)
+    hard = final and stage.spacing == 1 and hardness > _HARD  # Then `center` does the rest.
     outcome, trusted, scale, apart = SETTLED, 0.0, np.nan, 0.0
     for k in range(stage.steps):
         scale, weights = normal_equations(
@@ -327,12 +336,12 @@ def _refine_once(
             outcome = UNSETTLED
             break
         outcome = SETTLED if advance < 0.25 or not final else UNSETTLED
-        if advance < _SETTLED and k >= 2:
+        if (advance < _SETTLED and k >= 2) or (hard and advance < _NEARLY and k >= 1):
             break
     if outcome == SETTLED and final:
         apart = _disagreement(pose, lines, borders, scene)
         covariance = invert(L)
-        if hardness > _HARD and stage.spacing == 1:
+        if hard:
             centered, step, spread = center(pose, lines, borders, scene)
             if centered:
                 pose = move(pose, step)

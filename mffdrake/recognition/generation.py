@@ -62,3 +62,16 @@ class Generation:
         """
         motion = None if self.motion is None else self.motion.carried(R_DC, p_DC)
         return dc.replace(self, poses=transport_pose(self.poses, R_DC, p_DC), motion=motion)
+
+    def drifted(self, motion: PoseFilter) -> Generation:
+        """The same, carried along with what is known of the target's own motion.
+
+        Args:
+            motion: Of the target by now; the generation's is that before.
+        """
+        from mffdrake.recognition import _transport  # numba: slow to import
+
+        assert self.motion is not None
+        poses = np.ascontiguousarray(self.poses)
+        poses = _transport.transport_along(poses, self.motion.pose, motion.pose)
+        return dc.replace(self, poses=poses, motion=motion)

@@ -205,7 +205,11 @@ def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
         >>> round(float(rotation_angle([0, 0, 0], [np.sin(0.1), 0, 0])), 6)
         0.2
     """
-    between = compose_quaternion_vectors(-np.asarray(eps_a, dtype=float), eps_b)
-    return np.asarray(
-        2.0 * np.arctan2(np.linalg.norm(between, axis=-1), quaternion_scalar(between))
-    )
+    a, b = np.asarray(eps_a, dtype=float), np.asarray(eps_b, dtype=float)
+    a0, b0 = quaternion_scalar(a), quaternion_scalar(b)
+    less, more = a - b, a + b
+    # Of unit quaternions a and b, |a - b| = 2 sin(angle / 4) and |a + b| = 2 cos(angle / 4); or the
+    # other way round, where -b is nearer to a.
+    one = np.sqrt((a0 - b0) ** 2 + np.einsum("...i,...i", less, less))
+    other = np.sqrt((a0 + b0) ** 2 + np.einsum("...i,...i", more, more))
+    return np.asarray(4.0 * np.arctan2(np.minimum(one, other), np.maximum(one, other)))

@@ -23,6 +23,7 @@ from mffdrake.recognition.pose_motion import quaternion_rate_matrix
 
 if TYPE_CHECKING:
     from mffdrake.recognition._borders import BorderRules, Stage
+    from mffdrake.recognition._refinement import Result
     from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -231,6 +232,12 @@ class BorderRefiner:
         )  # fmt: skip
 
     @cached_property
+    def _calibration_error(self) -> float:
+        """Root mean square of the cameras' [px]."""
+        errors = [camera.calibration_error for camera in self.matcher.rig.cameras]
+        return math.sqrt(float(np.mean(np.square(errors))))
+
+    @cached_property
     def stages(self) -> tuple[Stage, ...]:
         """Three stages: from afar, near, and on every row with as many steps as it takes."""
         from mffdrake.recognition._borders import Stage  # numba: slow to import
@@ -270,11 +277,10 @@ class BorderRefiner:
 
         given = np.array(pose, dtype=float).reshape(6)
         result = _refinement.refine(given, scene, self.rules, self.stages)
-        errors = [camera.calibration_error for camera in self.matcher.rig.cameras]
         expected = math.hypot(
             self.parameters.border_error,
             math.sqrt(result.hardness / 12.0),
-            math.sqrt(float(np.mean(np.square(errors)))),
+            self._calibration_error,
         )
         refined, C = result.pose, result.covariance
         found: dict[str, Any] = {
@@ -284,9 +290,7 @@ class BorderRefiner:
             "expected_residual": expected, "hardness": result.hardness,
             "disagreement": result.disagreement,
         }  # fmt: skip
-        reason = _OUTCOMES[result.outcome] or self._doubt(
-            given, Refinement(refined, covariance=C, **found)
-        )
+        reason = _OUTCOMES[result.outcome] or self._doubt(given, result, expected)
         fitness = math.nan
         if not reason:
             both = np.stack([refined, given])
@@ -301,12 +305,12 @@ class BorderRefiner:
         to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
         return Refinement(refined, True, "", to_pose @ C @ to_pose.T, fitness, **found)
 
-    def _doubt(self, given: Array, result: Refinement) -> str:
+    def _doubt(self, given: Array, result: Result, expected: float) -> str:
         """What speaks against a refined pose, in words; nothing if it is empty."""
         p, variances = self.parameters, np.diag(result.covariance)
         if result.trusted < p.min_trusted:
             return "the borders contradict each other"
-        if result.residual > p.max_residual * result.expected_residual:
+        if result.scale > p.max_residual * expected:
             return "the borders lie too far from the edges"
         if not (
             variances[:3].sum() <= p.max_position_std**2

@@ -15,7 +15,7 @@ from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.confidence import Evidence, confidence, probability_within
 from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
-from mffdrake.recognition.pose import rotation_angle, transform_from_pose
+from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.pose_filter import (
     PoseFilter,
     PoseFilterParameters,
@@ -192,12 +192,7 @@ class RobustTracker:
         """All hypotheses, carried along with the target's own motion."""
         if generation.motion is None:
             return generation
-        now = generation.motion
-        later = now.predict(1.0, self.motion)
-        (R, p), (R_later, p_later) = transform_from_pose(now.pose), transform_from_pose(later.pose)
-        turn = R_later @ R.T
-        carried = generation.carried(turn, p_later - turn @ p)
-        return dc.replace(carried, motion=later)
+        return generation.drifted(generation.motion.predict(1.0, self.motion))
 
     def _look(
         self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
