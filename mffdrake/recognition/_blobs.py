@@ -21,6 +21,8 @@ from mffdrake.recognition._structs import ColorGate
 Array = NDArray[np.float64]
 Labels = NDArray[np.int8]
 Blobs = NDArray[np.void]
+Places = NDArray[np.int32]
+IntArray = NDArray[np.int64]
 
 BLOB = np.dtype(
     [
@@ -117,48 +119,39 @@ def label_pixels(view: View, grid: Grid, gate: ColorGate, classes: NDArray[np.in
 
 
 @njit(cache=True, error_model="numpy")
-def _flood(
-    labels: Labels, of_one_color: bool, least: int, patch: NDArray[np.int32]
-) -> NDArray[np.int64]:
-    """Numbers the connected patches (8 neighbors), in ``patch``; returns their sizes in pixels.
+def _flood(labels: Labels, of_one_color: bool, least: int) -> tuple[Places, IntArray]:
+    """The connected patches (8 neighbors) of at least so many pixels.
 
-    Patches of fewer than ``least`` pixels are numbered -1, as pixels of no color are.
+    Returns the pixels, one patch after the other, shape (n, 2), and where each patch ends.
     """
     h, w = labels.shape
-    stack = np.empty(h * w, dtype=np.int64)
-    sizes = np.empty(h * w // max(1, least) + 1, dtype=np.int64)
-    patch[:] = -1
-    count = 0
-    for start in range(h * w):
-        j, i = start // w, start % w
-        if labels[j, i] < 0 or patch[j, i] != -1:
-            continue
-        # Everything that was reached stays in the stack.
-        stack[0], reached, taken = start, 1, 0
-        patch[j, i] = count
-        while taken < reached:
-            y, x = stack[taken] // w, stack[taken] % w
-            taken += 1
-            for v in range(max(0, y - 1), min(h, y + 2)):
-                for u in range(max(0, x - 1), min(w, x + 2)):
-                    if labels[v, u] < 0 or patch[v, u] != -1:
-                        continue
-                    if of_one_color and labels[v, u] != labels[y, x]:
-                        continue
-                    patch[v, u] = count
-                    stack[reached] = v * w + u
-                    reached += 1
-        if reached >= least:
-            sizes[count] = reached
-            count += 1
-        else:
-            for k in range(reached):
-                patch[stack[k] // w, stack[k] % w] = -2
+    reached = np.zeros((h, w), dtype=np.bool_)
+    places = np.empty((h * w, 2), dtype=np.int32)
+    ends = np.empty(h * w // max(1, least), dtype=np.int64)
+    count, first = 0, 0
     for j in range(h):
         for i in range(w):
-            if patch[j, i] == -2:
-                patch[j, i] = -1
-    return sizes[:count]
+            if labels[j, i] < 0 or reached[j, i]:
+                continue
+            reached[j, i] = True
+            places[first, 0], places[first, 1] = j, i
+            taken, last = first, first + 1
+            while taken < last:
+                y, x = places[taken, 0], places[taken, 1]
+                taken += 1
+                for v in range(max(0, y - 1), min(h, y + 2)):
+                    for u in range(max(0, x - 1), min(w, x + 2)):
+                        if labels[v, u] < 0 or reached[v, u]:
+                            continue
+                        if of_one_color and labels[v, u] != labels[y, x]:
+                            continue
+                        reached[v, u] = True
+                        places[last, 0], places[last, 1] = v, u
+                        last += 1
+            if last - first >= least:
+                ends[count] = last
+                first, count = last, count + 1
+    return places[:first], ends[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -178,17 +171,18 @@ def find_blobs(
 ) -> Found:
     """The blobs in the labels of one view, of at least so many pixels of its grid."""
     h, w = labels.shape
-    patch = np.empty((h, w), dtype=np.int32)
-    count = len(_flood(labels, of_one_color, least, patch))
+    places, ends = _flood(labels, of_one_color, least)
+    count, first = len(ends), 0
     blobs, looks = np.zeros(count, dtype=BLOB), np.zeros((count, 3 * num_colors + 3))
-    for j in range(h):
-        for i in range(w):
-            n = patch[j, i]
-            if n < 0:
-                continue
-            blob = blobs[n]
-            blob.camera, blob.color = camera, labels[j, i] if of_one_color else -1
-            blob.area += grid.area[j, i]
+    axes = np.empty((3, 3))
+    for n in range(count):
+        blob = blobs[n]
+        color = labels[places[first, 0], places[first, 1]]
+        blob.camera, blob.color = camera, color if of_one_color else -1
+        total = 0.0
+        for k in range(first, ends[n]):
+            j, i = places[k]
+            total += grid.area[j, i]
             blob.x += grid.area[j, i] * grid.x[j, i]
             blob.y += grid.area[j, i] * grid.y[j, i]
             if j == 0 or i == 0 or j == h - 1 or i == w - 1:
@@ -196,24 +190,18 @@ def find_blobs(
             else:  # beyond the lens there are NaN
                 around = grid.x[j - 1, i] + grid.x[j + 1, i] + grid.x[j, i - 1] + grid.x[j, i + 1]
                 blob.clipped = blob.clipped or around != around
-    axes = np.empty((count, 3, 3))
-    for n in range(count):
-        blobs[n].x /= blobs[n].area
-        blobs[n].y /= blobs[n].area
-        blobs[n].area = 0.0
-        turn_along(blobs[n].x, blobs[n].y, axes[n])
-    for j in range(h):
-        for i in range(w):
-            n = patch[j, i]
-            if n < 0:
-                continue
-            a, x, y = axes[n], grid.x[j, i], grid.y[j, i]
-            depth = a[2, 0] * x + a[2, 1] * y + a[2, 2]
-            p = (a[0, 0] * x + a[0, 1] * y + a[0, 2]) / depth
-            q = (a[1, 0] * x + a[1, 1] * y + a[1, 2]) / depth
+        blob.x /= total
+        blob.y /= total
+        turn_along(blob.x, blob.y, axes)
+        for k in range(first, ends[n]):
+            j, i = places[k]
+            x, y = grid.x[j, i], grid.y[j, i]
+            depth = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2]
+            p = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2]) / depth
+            q = (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) / depth
             area = grid.area[j, i] / (depth * depth * depth)
-            blobs[n].area += area
+            blob.area += area
             add_to_look(looks[n], labels[j, i], num_colors, area, p, q, 0.0, 0.0, 0.0)
-    for n in range(count):
         finish_look(looks[n], num_colors)
+        first = ends[n]
     return Found(blobs, looks)

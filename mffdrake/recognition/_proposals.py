@@ -166,8 +166,8 @@ def pair_blobs(
 def propose(
     blobs: Blobs,
     looks: Array,
-    sources: Sources,
     frames: tuple[Array, Array, Array],
+    sources: Sources,
     table: Looks,
     middle: Array,
     bounds: Bounds,

@@ -42,12 +42,14 @@ class AcquisitionParameters:
         tried: From so many of them, distinct ones, steps toward the borders are taken ...
         drawn: ... of which so many are the best of a blob drawn at random each, the others the
             best of all.
+        glance: So large a part (0 to 1) of all of these comes first. Where it finds a pose that is
+            `sure`, the rest is spared.
         windows: How far borders are sought in the steps, one step each and two at last [px].
         early: After so many steps ...
         kept: ... so many go on, those that match best by then.
         found: Least share of explained borders (0 to 1) of a pose that is found.
         lost: Below this share of explained borders, a pose that was tracked is not seen any more.
-        sure: Below this share, the search goes on beside the tracking.
+        sure: Below this share, the search goes on, also beside the tracking.
         margin: Another pose at which the images show more borders, by this share of them (0 to 1),
             takes the place of the tracked one; one at which they show nearly as many makes it
             ambiguous.
@@ -70,6 +72,7 @@ class AcquisitionParameters:
     proposals: Count = 150
     tried: Count = 24
     drawn: Annotated[int, Ge(0)] = 12
+    glance: Share = 0.25
     windows: Annotated[tuple[Count, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
     early: Annotated[int, Ge(0)] = 2
     kept: Count = 6
@@ -117,6 +120,19 @@ class Candidate(NamedTuple):
     explained: Explained
 
 
+def _by_shown(candidate: Candidate) -> int:
+    return -candidate.explained.shown
+
+
+class _Effort(NamedTuple):
+    """How many there are in a part of a search, see `AcquisitionParameters`."""
+
+    proposals: int
+    tried: int
+    drawn: int
+    kept: int
+
+
 @dataclass(frozen=True, eq=False)
 class Acquisition:
     """Searches images for a solid.
@@ -160,21 +176,28 @@ class Acquisition:
         Returns:
             Them, the one that explains most first; none where nothing is to be seen.
         """
-        p = self.parameters
-        proposed = self._proposer.propose(scene, p.proposals, frame * p.proposals, rng)
+        clues, first = self._proposer.find(scene), frame * self.parameters.proposals
         known = np.asarray(known, dtype=float).reshape(-1, 6)
-        proposed = Proposals(
-            np.concatenate([proposed.poses, known]),
-            np.concatenate([proposed.origins, np.full(len(known), -1)]),
-            proposed.sources,
-        )
-        tried = self._pick(proposed, scene, p.tried, p.drawn, 1.0, rng)
-        near = self._approach(tried, scene, self._stages[: p.early])
-        nowhere = np.full(len(near), -1)
-        near = self._pick(
-            Proposals(near, nowhere, proposed.sources[:0]), scene, p.kept, 0, _CLOSE, rng
-        )
-        return self._judged(self._approach(near, scene, self._stages[p.early :]), scene)
+        found: list[Candidate] = []
+        for effort in self._efforts:
+            proposed = self._proposer.propose(clues, effort.proposals, first, rng)
+            found += self._step(proposed.with_known(known), scene, effort, rng)
+            found.sort(key=_by_shown)
+            if found and found[0].explained.share >= self.parameters.sure:
+                break
+            known, first = known[:0], first + effort.proposals
+        return found
+
+    def _step(
+        self, proposed: Proposals, scene: Scene, effort: _Effort, rng: np.random.Generator
+    ) -> list[Candidate]:
+        """The best distinct ones after steps."""
+        early = self.parameters.early
+        tried = self._pick(proposed, scene, effort.tried, effort.drawn, 1.0, rng)
+        near = self._approach(tried, scene, self._stages[:early])
+        of_nothing = Proposals.of_nothing(near, proposed.sources)
+        near = self._pick(of_nothing, scene, effort.kept, 0, _CLOSE, rng)
+        return self._judged(self._approach(near, scene, self._stages[early:]), scene)
 
     def approach(self, starts: ArrayLike, scene: Scene) -> list[Candidate]:
         """Poses after all steps.
@@ -209,8 +232,7 @@ class Acquisition:
         return Explained(shown, shown / max(sought, p.least_rows), uneven)
 
     def _judged(self, poses: Array, scene: Scene) -> list[Candidate]:
-        found = [Candidate(pose, self.explained(pose, scene)) for pose in poses]
-        return sorted(found, key=lambda candidate: -candidate.explained.shown)
+        return sorted((Candidate(pose, self.explained(pose, scene)) for pose in poses), key=_by_shown)
 
     def _pick(
         self,
@@ -231,7 +253,7 @@ class Acquisition:
             areas * self._coarse.score(proposed.poses, scene),
             proposed.origins,
             proposed.sources,
-            (count, min(num_drawn, count)),
+            (count, num_drawn),
             (apart * _APART * self.matcher.solid.size, math.cos(0.5 * apart * _TURNED)),
             rng,
         )
@@ -248,6 +270,14 @@ class Acquisition:
         rules = rules._replace(min_borders=round(1.5 * rules.min_borders))
         poses, arrived = _refinement.approach(starts, scene, rules, stages)
         return np.asarray(poses[arrived])
+
+    @cached_property
+    def _efforts(self) -> tuple[_Effort, ...]:
+        p = self.parameters
+        whole = _Effort(p.proposals, p.tried, min(p.drawn, p.tried), p.kept)
+        first = _Effort(*(math.ceil(p.glance * number) for number in whole))
+        rest = _Effort(*(number - part for number, part in zip(whole, first, strict=True)))
+        return tuple(effort for effort in (first, rest) if min(effort.tried, effort.kept) > 0)
 
     @cached_property
     def _stages(self) -> tuple[Stage, ...]:

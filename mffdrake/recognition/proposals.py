@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from mffdrake.recognition.matching import Matcher
 from mffdrake.recognition.pose import quaternion_scalar, quaternion_vector
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._blobs import Grid
+    from mffdrake.recognition._blobs import Blobs, Grid
     from mffdrake.recognition._looks import Looks
     from mffdrake.recognition._proposals import Bounds, Sources
     from mffdrake.recognition._structs import Scene
@@ -41,6 +41,35 @@ class Proposals:
     origins: NDArray[np.int64]
     sources: Sources
 
+    @classmethod
+    def of_nothing(cls, poses: Array, sources: Sources) -> Proposals:
+        """Poses that come from none of the sources."""
+        return cls(poses, np.full(len(poses), -1), sources)
+
+    def with_known(self, poses: Array) -> Proposals:
+        """The same and poses that come from none of the sources, shape (K, 6)."""
+        return Proposals(
+            np.concatenate([self.poses, poses]),
+            np.concatenate([self.origins, np.full(len(poses), -1)]),
+            self.sources,
+        )
+
+
+class Clues(NamedTuple):
+    """What images show of a solid's colors.
+
+    Attributes:
+        blobs: The patches of its colors.
+        looks: How each looks, see `_looks`.
+        frames: Each one's frame F: its orientation as a quaternion and as R_CF, and p_CF.
+        sources: Blobs, or pairs of them, where the solid may be.
+    """
+
+    blobs: Blobs
+    looks: Array
+    frames: tuple[Array, Array, Array]
+    sources: Sources
+
 
 class Proposer:
     """Proposes poses at the blobs of the solid's colors that the images show.
@@ -63,8 +92,9 @@ class Proposer:
         >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
         >>> black = 2 * [np.zeros((480, 640, 3), dtype=np.uint8)]
         >>> rng = np.random.default_rng(0)
-        >>> found = Proposer(matcher, SearchRange()).propose(matcher.scene(black), 10, 0, rng)
-        >>> found.poses.shape                                       # nothing to be seen
+        >>> proposer = Proposer(matcher, SearchRange())
+        >>> clues = proposer.find(matcher.scene(black))
+        >>> proposer.propose(clues, 10, 0, rng).poses.shape         # nothing to be seen
         (0, 6)
     """
 
@@ -72,18 +102,11 @@ class Proposer:
         self.matcher = matcher
         self.search_range = search_range
 
-    def propose(self, scene: Scene, count: int, first: int, rng: np.random.Generator) -> Proposals:
-        """Poses within the search range.
+    def find(self, scene: Scene) -> Clues:
+        """What the images show of the solid's colors.
 
         Args:
             scene: The images, see `Matcher.scene`.
-            count: How many.
-            first: How many were proposed on the frames before.
-            rng: Source of randomness.
-
-        Returns:
-            The proposals; fewer where few of those drawn lie in the search range, none where the
-            images show nothing of the solid's colors.
         """
         from mffdrake.recognition import _blobs, _proposals  # numba: slow to import
 
@@ -103,11 +126,27 @@ class Proposer:
         sources = _proposals.pair_blobs(
             blobs, looks, frames[1], frames[2], self._table, self._bounds
         )
-        middle = scene.solid.middle
+        return Clues(blobs, looks, frames, sources)
+
+    def propose(self, clues: Clues, count: int, first: int, rng: np.random.Generator) -> Proposals:
+        """Poses within the search range.
+
+        Args:
+            clues: What the images show.
+            count: How many.
+            first: How many were proposed before, on this frame and those before it.
+            rng: Source of randomness.
+
+        Returns:
+            The proposals; fewer where few of those drawn lie in the search range, none where the
+            images show nothing of the solid's colors.
+        """
+        from mffdrake.recognition import _proposals  # numba: slow to import
+
         poses, origins = _proposals.propose(
-            blobs, looks, sources, frames, self._table, middle, self._bounds, count, first, rng
+            *clues, self._table, self.matcher.struct.middle, self._bounds, count, first, rng
         )
-        return Proposals(poses, origins, sources)
+        return Proposals(poses, origins, clues.sources)
 
     @cached_property
     def _turns(self) -> Array:

@@ -55,7 +55,7 @@ def proposer_of(rig, solid=BOX, search_range=None):
 
 def proposals_of(proposer, images, count=150, first=0, seed=0):
     scene = proposer.matcher.scene(images)
-    return proposer.propose(scene, count, first, np.random.default_rng(seed))
+    return proposer.propose(proposer.find(scene), count, first, np.random.default_rng(seed))
 
 
 def off_by(poses, truth, solid=BOX):
