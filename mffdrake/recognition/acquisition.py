@@ -42,8 +42,8 @@ class AcquisitionParameters:
         tried: From so many of them, distinct ones, steps toward the borders are taken ...
         drawn: ... of which so many are the best of a blob drawn at random each, the others the
             best of all.
-        glance: So large a part (0 to 1) of all of these comes first. Where it finds a pose that is
-            `sure`, the rest is spared.
+        glance: With so large a part (0 to 1) of all of these it begins. Where that finds a pose
+            that is `sure`, the rest is spared.
         windows: How far borders are sought in the steps, one step each and two at last [px].
         early: After so many steps ...
         kept: ... so many go on, those that match best by then.
@@ -176,7 +176,8 @@ class Acquisition:
         Returns:
             Them, the one that explains most first; none where nothing is to be seen.
         """
-        clues, first = self._proposer.find(scene), frame * self.parameters.proposals
+        clues = self._proposer.find(scene)
+        first = frame * sum(effort.proposals for effort in self._efforts)
         known = np.asarray(known, dtype=float).reshape(-1, 6)
         found: list[Candidate] = []
         for effort in self._efforts:
@@ -185,7 +186,7 @@ class Acquisition:
             found.sort(key=_by_shown)
             if found and found[0].explained.share >= self.parameters.sure:
                 break
-            known, first = known[:0], first + effort.proposals
+            first += effort.proposals
         return found
 
     def _step(
@@ -276,8 +277,7 @@ class Acquisition:
         p = self.parameters
         whole = _Effort(p.proposals, p.tried, min(p.drawn, p.tried), p.kept)
         first = _Effort(*(math.ceil(p.glance * number) for number in whole))
-        rest = _Effort(*(number - part for number, part in zip(whole, first, strict=True)))
-        return tuple(effort for effort in (first, rest) if min(effort.tried, effort.kept) > 0)
+        return (first, whole) if 0.0 < p.glance < 1.0 else (whole,)
 
     @cached_property
     def _stages(self) -> tuple[Stage, ...]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _ONE = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one pose, not two
+_LIKE = 0.5  # A look that is less fit by this factor is none.
 _AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
 
 
@@ -112,6 +113,8 @@ class Sight:
         if len(turned) == 0:
             return seen
         fitness = self.refiner.matcher.score(np.concatenate([seen.pose[None], turned]), scene)
+        like = fitness[1:] >= _LIKE * fitness[0]
+        turned, fitness = turned[like], fitness[np.concatenate([[True], like])]
         explained = [seen.explained, *(self._acquisition.explained(q, scene) for q in turned)]
         shown = np.array([one.shown for one in explained])
         best = int(np.argmax(shown))
