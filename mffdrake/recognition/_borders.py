@@ -166,7 +166,7 @@ def _find_border(
             return nothing
         if -blend < i <= blend:
             total += share
-            blended += min(max(share * (1.0 - share), 0.0), 0.25)
+            blended += share * (1.0 - share)  # negative, too, lest noise counts as blending
     return k + outward * (total - blend + 0.5), blended
 
 

@@ -379,6 +379,20 @@ def test_hardness_tells_blended_images():
     assert smooth.hardness < 0.2 and smooth.num_jumps == 0
 
 
+@pytest.mark.parametrize("images", IMAGES)
+def test_noise_changes_neither_the_hardness_nor_what_is_expected(images):
+    rng = np.random.default_rng(5)
+    clear = REFINER.refine(TRUTH, IMAGES[images])
+    noisy = [
+        np.clip(np.rint(image + rng.normal(0.0, 5.0, image.shape)), 0, 255).astype(np.uint8)
+        for image in IMAGES[images]
+    ]
+    found = REFINER.refine(TRUTH, noisy)
+    assert found.hardness == pytest.approx(clear.hardness, abs=0.06)
+    assert found.expected_residual == pytest.approx(clear.expected_residual, rel=0.05)
+    assert found.residual < 1.3 * found.expected_residual
+
+
 @pytest.mark.parametrize("color", [(90, 90, 90), (200, 180, 40)])
 @pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
 def test_half_of_the_target_hidden(side, color):
