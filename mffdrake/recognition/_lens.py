@@ -229,7 +229,9 @@ def stamp(view: View) -> float:
     """A number that tells an image from others, from every so-many-th pixel."""
     pixels, value = view.pixels, np.uint64(1469598103934665603)
     for k in range(0, len(pixels), _STAMP_STEP):
-        color = (np.uint64(pixels[k, 0]) << np.uint64(16)) | (np.uint64(pixels[k, 1]) << np.uint64(8))
+        color = (np.uint64(pixels[k, 0]) << np.uint64(16)) | (
+            np.uint64(pixels[k, 1]) << np.uint64(8)
+        )
         # Fowler, Noll and Vo's hash, 1a
         value = (value ^ (color | np.uint64(pixels[k, 2]))) * np.uint64(1099511628211)
     return float(value >> np.uint64(12))  # A double holds 52 bits.

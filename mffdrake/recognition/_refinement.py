@@ -13,50 +13,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._borders import (
-    BorderRules,
-    Borders,
-    Stage,
-    find_borders,
-    find_jumps,
+from mffdrake.recognition._border_steps import (
+    SETTLED,
+    TOO_FEW,
+    UNSETTLED,
+    Equations,
+    Found,
+    Rest,
+    settle,
 )
+from mffdrake.recognition._borders import BorderRules, Borders, Stage, find_borders, find_jumps
 from mffdrake.recognition._centering import center
-from mffdrake.recognition._edge_lines import Lines, edge_lines, move, move_lines
+from mffdrake.recognition._edge_lines import Lines, edge_lines, move
 from mffdrake.recognition._linear import compare, factor, invert, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
 
-SETTLED, TOO_FEW, SINGULAR, UNSETTLED = range(4)
 
-_TUKEY = 4.685  # where an error's weight becomes zero, for 95 % efficiency if errors are normal
-_STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
 _LEAST_HARDNESS = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
-_SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
-_NEARLY = 0.1
 _NEAR = 0.3  # of a window, and
 _AGREED = 0.9  # of the weights: then borders are where they should be, and none is far off.
-_DAMPED_FROM = 4  # steps
 _HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
 _SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
-_JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
-
-
-class Found(NamedTuple):
-    """What the images show: borders and jumps, and how hard the images are."""
-
-    borders: Borders
-    jumps: Borders
-    spacing: int
-    hardness: float
-
-
-class Equations(NamedTuple):
-    """The normal equations N x = b of a step (`move`)."""
-
-    N: Array
-    b: Array
 
 
 class Result(NamedTuple):
@@ -85,91 +65,6 @@ class Result(NamedTuple):
     scale: float
     hardness: float
     disagreement: float
-
-
-@njit(cache=True, error_model="numpy")
-def _add(J: Array, r: float, w: float, equations: Equations, shared: Array) -> None:
-    """Adds one border to the normal equations and to its slot's sums."""
-    for i in range(6):
-        for j in range(i + 1):
-            equations.N[i, j] += w * J[i] * J[j]
-        equations.b[i] += w * J[i] * r
-        shared[i] += w * J[i]
-    shared[6] += w * r
-    shared[7] += w
-
-
-@njit(cache=True, error_model="numpy")
-def _robust(squared: float) -> float:
-    """Tukey's weight of a squared error in units of its variance."""
-    rest = 1.0 - squared / (_TUKEY * _TUKEY)
-    return rest * rest if rest > 0.0 else 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def normal_equations(
-    pose: Array,
-    lines: Lines,
-    found: Found,
-    scene: Scene,
-    rules: BorderRules,
-    equations: Equations,
-    jump_tolerance: float,
-) -> tuple[float, float]:
-    """Fills in the weighted normal equations of all errors, and the borders' weights.
-
-    Returns the borders' scale [px] and the sum of their robust weights.
-    """
-    borders, jumps = found.borders, found.jumps
-    least, edge_error = rules.border_error, rules.edge_error
-    N, b = equations
-    residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
-    compare(pose, lines, borders, scene, residuals, J)
-    scale = max(least, 1.4826 * float(np.median(np.abs(residuals))))
-    # The cut is robust; what remains within it tells the variance.
-    total, trusted = 0.0, 0.0
-    for k in range(len(borders)):
-        weight = _robust(residuals[k] ** 2 / (scale * scale))
-        total += weight * residuals[k] ** 2
-        trusted += weight
-    spread = max(least**2, total / trusted)
-    shared = np.zeros((len(lines), 8))
-    N[:], b[:] = 0.0, 0.0
-    for k in range(len(borders)):
-        border = borders[k]
-        line = lines[border.slot]
-        variance = spread
-        if abs(line.slope) < _STEEPEST:
-            # Borders that round to the same pixel share the error of it: together they count as
-            # one. In a steeper edge those errors follow each other too fast to matter.
-            length = abs(line.last - line.first)
-            same = min(length, 1.0 / max(abs(line.slope), 1e-9)) / found.spacing
-            variance += found.hardness / 12.0 * same
-        border.weight = _robust(residuals[k] ** 2 / (scale * scale)) / variance
-        _add(J[k], residuals[k], border.weight, equations, shared[border.slot])
-    residuals, J = np.empty(len(jumps)), np.empty((len(jumps), 6))
-    compare(pose, lines, jumps, scene, residuals, J)
-    for k in range(len(jumps)):
-        jump = jumps[k]
-        line = lines[jump.slot]
-        jump.weight = 0.0
-        if abs(line.slope) >= _STEEPEST:
-            continue
-        # It lies evenly spread over some rows, times how far the line moves in one.
-        variance = (line.slope * jump.within) ** 2 / 12.0 + _JUMP_FLOOR**2
-        squared = residuals[k] ** 2
-        jump.weight = _robust(squared / (4.0 * (variance + edge_error**2) + jump_tolerance**2))
-        jump.weight /= variance
-        _add(J[k], residuals[k], jump.weight, equations, shared[jump.slot])
-    # An error that all borders of a slot share has the covariance D + edge_error^2 1 1^T, whose
-    # inverse is (Sherman and Morrison) that of D less a matrix of rank one.
-    for slot in range(len(lines)):
-        c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 7])
-        for i in range(6):
-            for j in range(i + 1):
-                N[i, j] -= c * shared[slot, i] * shared[slot, j]
-            b[i] -= c * shared[slot, i] * shared[slot, 6]
-    return math.sqrt(spread), trusted
 
 
 @njit(cache=True, error_model="numpy")
@@ -313,31 +208,14 @@ def _refine_once(
         jumps = find_jumps(borders, lines)
     found = Found(borders, jumps, stage.spacing, hardness)
     hard = final and stage.spacing == 1 and hardness > _HARD  # Then `center` does the rest.
-    outcome, trusted, scale, apart = SETTLED, 0.0, np.nan, 0.0
-    for k in range(stage.steps):
-        scale, weights = normal_equations(
-            pose, lines, found, scene, rules, equations, 0.1 * 0.25**k
-        )
-        trusted = weights / count
-        if not factor(equations.N, L):
-            outcome = SINGULAR
-            break
-        step = solve(L, equations.b)
-        advance = 0.0  # squared, in units of the covariance: x^T N x
-        for i in range(6):
-            advance += step[i] * equations.b[i]
-        if k >= _DAMPED_FROM:  # Weights may swing between two poses; their middle is as good.
-            step *= 0.5
-            advance *= 0.25
-        pose = move(pose, step)
-        # Slopes set the weights, which must not change for ever.
-        whole = move_lines(lines, pose, solid.vertices, solid.edges, scene.views, k < 3)
-        if not (whole and math.isfinite(pose.sum())):
-            outcome = UNSETTLED
-            break
-        outcome = SETTLED if advance < 0.25 or not final else UNSETTLED
-        if (advance < _SETTLED and k >= 2) or (hard and advance < _NEARLY and k >= 1):
-            break
+    rest = Rest(stage.steps, final, hard)
+    settled = settle(pose, lines, found, scene, rules, equations, L, rest)
+    if settled.outcome == UNSETTLED and len(jumps) > 0:
+        # In an image that blends them in part, not all that looks like jumps is one.
+        found = Found(borders, jumps[:0], stage.spacing, hardness)
+        settled = settle(pose, lines, found, scene, rules, equations, L, rest)
+    outcome, pose, trusted, scale = settled
+    apart = 0.0
     if outcome == SETTLED and final:
         apart = _disagreement(pose, lines, borders, scene)
         covariance = invert(L)
@@ -349,5 +227,5 @@ def _refine_once(
         if _calibration_errs(scene):
             covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
     return Result(
-        outcome, pose, covariance, count, len(jumps), sought, trusted, scale, hardness, apart
+        outcome, pose, covariance, count, len(found.jumps), sought, trusted, scale, hardness, apart
     )

@@ -233,7 +233,9 @@ class Acquisition:
         return Explained(shown, shown / max(sought, p.least_rows), uneven)
 
     def _judged(self, poses: Array, scene: Scene) -> list[Candidate]:
-        return sorted((Candidate(pose, self.explained(pose, scene)) for pose in poses), key=_by_shown)
+        return sorted(
+            (Candidate(pose, self.explained(pose, scene)) for pose in poses), key=_by_shown
+        )
 
     def _pick(
         self,
