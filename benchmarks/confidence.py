@@ -39,7 +39,8 @@ Array = NDArray[np.float64]
 
 TRAINING_SEED, CHECK_SEED = 2000, 3000
 RIDGE, STEPS = 0.01, 100
-POSES = 20  # of each of the acquisition study's cases, a seed
+POSES = 20  # of each of the acquisition study's cases, a seed and a renderer
+RENDERERS = ("flat", "vtk")
 LIMITS = np.array([np.inf] + (len(WEIGHTS) - 1) * [0.0])
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 1.0)
 Z = 1.959964  # of a normal distribution's middle 95 %
@@ -134,10 +135,11 @@ def of_study(options: argparse.Namespace, first_seed: int, title: str) -> Frames
 def of_images(
     function: Callable[..., Judged], options: argparse.Namespace, seed: int, title: str
 ) -> Frames:
-    """What a function judges of poses of the acquisition study's cases."""
+    """What a function judges of poses of the acquisition study's cases, with each renderer."""
     cases = [case for case in CASES if case.hidden or function is of_wrong_optima]
-    tasks = [(case, seed, range(POSES * options.seeds)) for case in cases]
-    names = [case.name for case in cases]
+    shown = list(itertools.product(cases, RENDERERS))
+    tasks = [(case, renderer, seed, range(POSES * options.seeds)) for case, renderer in shown]
+    names = [f"{case.name} ({renderer})" for case, renderer in shown]
     return Frames.of(call_all(function, tasks, names, title), names)
 
 
@@ -237,7 +239,7 @@ def of_others(hidden: Frames, wrong: Frames, weights: Array) -> str:
     says = hidden.confidence(weights) >= least
     false, missed = np.mean(says & ~hidden.right), np.mean(~says & hidden.right)
     deceive = np.sum(wrong.confidence(weights) >= least)
-    return f"Of {len(says)} frames with targets of all shapes that are hidden by 40 % from the start (`benchmarks/acquisition.py`, {len(hidden.names)} cases), {percent(float(false))} are false at the higher threshold and {percent(float(missed))} missed. Of {len(wrong.right)} wrong poses that explain their borders, to which steps lead from beside the true ones of all cases, {deceive} reach it."
+    return f"Of {len(says)} frames with targets of all shapes that are hidden by 40 % from the start (`benchmarks/acquisition.py`, {len(hidden.names)} cases, flat and VTK), {percent(float(false))} are false at the higher threshold and {percent(float(missed))} missed. Of {len(wrong.right)} wrong poses that explain their borders, to which steps lead from beside the true ones of all cases, {deceive} reach it."
 
 
 def worst(frames: Frames) -> str:

@@ -64,11 +64,11 @@ def of_run(scenario: Scenario) -> Judged:
     return Judged(rows, IsRight(result)[counts], len(result.time))
 
 
-def of_starts(case: Case, seed: int, poses: range) -> Judged:
+def of_starts(case: Case, renderer: str, seed: int, poses: range) -> Judged:
     """The first frames of a tracker that is shown poses of a case of the acquisition study."""
     rows, right, total = [], [], 0
     with mock.patch.object(robust_tracker, "confidence", wraps=confidence) as judge:
-        for frame in show(case, "flat", None, seed, poses):
+        for frame in show(case, renderer, None, seed, poses):
             if judge.called and frame.generation.state == TrackingState.TRACKING:
                 rows.append(features(judge.call_args.args[0]))
                 right.append(frame.position <= RIGHT_POSITION and frame.rotation <= RIGHT_ROTATION)
@@ -77,12 +77,12 @@ def of_starts(case: Case, seed: int, poses: range) -> Judged:
     return Judged(np.array(rows).reshape(-1, len(WEIGHTS)), np.array(right, dtype=bool), total)
 
 
-def of_wrong_optima(case: Case, seed: int, poses: range) -> Judged:
+def of_wrong_optima(case: Case, renderer: str, seed: int, poses: range) -> Judged:
     """Poses that explain their borders and are wrong: where steps lead to from beside the truth.
 
     Those that `Sight.resolve` would turn into others, or calls ambiguous, do not count.
     """
-    draw, solid, rows = Renderer(case, "flat"), SOLIDS[case.solid], []
+    draw, solid, rows = Renderer(case, renderer), SOLIDS[case.solid], []
     symmetries = find_symmetries(solid)
     tracker = make_tracker(case)
     for n in poses:
