@@ -84,8 +84,8 @@ def MakeHandEyeDiagram(
     """Builds the whole hand-eye system.
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
-    ``scene_graph``, ``render_scene``, ``stereo_camera``, ``recognizer`` and, for the method "mff",
-    ``predictor``. Where the scenario has a camera latency, encoder errors, disturbances or clutter,
+    ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
+    them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the scenario has a camera latency, encoder errors, disturbances or clutter,
     there are a ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
     ``gaussian_noise_right`` or ``occluder_0``, too. The images are those that the recognizer gets,
     and the port ``exposed_state`` is the state that the first camera's show.
@@ -220,6 +220,6 @@ def _AddView(
         plant=plant,
         scene_graph=station.scene_graph,
         estimate=recognizer.GetOutputPort("X_CM"),
-        mesh=station.mesh,
+        mesh=station.target.mesh,
         camera_frame=plant.GetFrameByName(MakeMounts(scenario)[0].frame_name, station.arm),
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import colorsys
 import dataclasses as dc
 import math
-from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Role, SceneGraph
@@ -16,7 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.experiment.cameras import AddFrames, CalcKnownX_EC, MakeMounts, MakeRig
 from mffdrake.experiment.scenario import Scenario, ScenarioError
-from mffdrake.experiment.target import AddTarget, FindTargetMesh, LoadSolid
+from mffdrake.experiment.target import AddTarget, LoadSolid, Target
 from mffdrake.recognition import CameraRig, SolidModel
 from mffdrake.systems.arm_joints import JointNames, MovingJoints
 from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
@@ -48,13 +47,13 @@ class Station:
     """The arm with its cameras' frames, and the target.
 
     Attributes:
-        plant: Arm and target.
-        scene_graph: Their shapes, as Meshcat shows them.
+        plant: The arm.
+        scene_graph: The shapes of arm and target, as Meshcat shows them.
         arm: The arm's model instance.
         known_arm: A plant with the arm alone, as the controller and the feedforward know it, and
             the frame of the first camera.
         path: The arm's desired joint motion.
-        mesh: The target's mesh file.
+        target: The target, which the scene is told the pose of.
         solid: The target's colored solid.
     """
 
@@ -63,7 +62,7 @@ class Station:
     arm: ModelInstanceIndex
     known_arm: MultibodyPlant
     path: PiecewisePolynomial
-    mesh: Path
+    target: Target
     solid: SolidModel
 
 
@@ -111,13 +110,13 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Station:
     )
     arm = scenario.arm.AddToPlant(plant)
     AddFrames(plant, arm, scenario)
-    target = AddTarget(plant, scenario)
+    target = AddTarget(scene_graph, scenario)
     plant.Finalize()
     plant.SetDefaultPositions(path.value(0.0).reshape(-1))
-    mesh = FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    target.AddPose(builder, scene_graph, scenario, name="target")
     return Station(
         plant=plant, scene_graph=scene_graph, arm=arm, known_arm=known_arm, path=path,
-        mesh=mesh, solid=LoadSolid(mesh, scenario),
+        target=target, solid=LoadSolid(target.mesh, scenario),
     )  # fmt: skip
 
 
@@ -246,8 +245,11 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
     queries: list[OutputPort] = []
     latencies = list(dict.fromkeys(mount.latency for mount in mounts))
     scenes = [station.scene_graph.Clone() for _ in latencies]
-    for geometry in station.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity):
-        station.scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    inspector = station.scene_graph.model_inspector()
+    for geometry in inspector.GetAllGeometryIds(Role.kProximity):
+        for source in (plant.get_source_id(), station.target.source):
+            if inspector.BelongsToSource(geometry, source):
+                station.scene_graph.RemoveRole(source, geometry, Role.kProximity)
     for latency, scene in zip(latencies, scenes, strict=True):
         cameras = tuple(mount.camera for mount in mounts if mount.latency == latency)
         suffix = f"_{cameras[0].name}" if exposed else ""
@@ -266,6 +268,9 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
             builder.Connect(state, poser.get_input_port())
             geometry_pose = poser.get_output_port()
         builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
+        station.target.AddPose(
+            builder, render_scene, scenario, name=f"exposed_target{suffix}", latency=latency
+        )
         AddClutter(builder, render_scene, scenario, station.solid, latency=latency)
         renderer = _AddRenderer(render_scene, scenario)
         try:

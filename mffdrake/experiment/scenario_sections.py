@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
+import numpy as np
 from annotated_types import Ge, Lt
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
 
+from mffdrake.experiment.trajectory_file import TrajectoryFile
 from mffdrake.recognition.parameters import (
     Finite,
     NonNegative,
+    OneOf,
     Positive,
     Vector3,
     parameters,
 )
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pd_gains import Gains, LightlyDamped
+from mffdrake.systems.target_motion import AtRest, Sinusoids, Step, Straight, Waypoints
 from mffdrake.systems.transforms import Pose, RpyDeg
 
 __all__ = [
@@ -26,6 +32,11 @@ __all__ = [
     "PredictorConfig",
     "TargetConfig",
 ]
+
+Motion: TypeAlias = Annotated[
+    AtRest | Sinusoids | Straight | Step | Waypoints | TrajectoryFile, OneOf()
+]
+"""A parameter that is one kind of motion; in YAML a tag or a name such as ``at_rest``."""
 
 
 def _LikeFirstHandPose(x: float) -> Pose:
@@ -98,11 +109,22 @@ class TargetConfig:
 
     Attributes:
         model: URL or path of its SDF, whose visual is one convex mesh with a material a face.
-        X_WM: Its pose in the world.
+        X_WM: Its pose in the world, from which it moves.
+        motion: How it moves: at_rest, ``!Sinusoids {...}``, ``!Straight {...}``, ``!Step {...}``,
+            ``!Waypoints {...}`` or ``!TrajectoryFile {file: poses.tum}``.
     """
 
     model: str = "package://mffdrake/target_box.sdf"
     X_WM: Pose = dc.field(default_factory=lambda: _LikeFirstHandPose(1.718))
+    motion: Motion = dc.field(default_factory=AtRest)
+
+    def CalcPose(self, time: float) -> RigidTransform:
+        """The target's pose X_WM at a time [s]."""
+        return self.motion.CalcPose(self.X_WM.GetDeterministicValue(), time)
+
+    def CalcVelocity(self, time: float) -> NDArray[np.float64]:
+        """Its velocity (v_WM, w_WM) [m/s, rad/s] at a time [s], shape (6,)."""
+        return self.motion.CalcVelocity(self.X_WM.GetDeterministicValue(), time)
 
 
 @parameters

@@ -225,7 +225,7 @@ class _Recorder:
         # What the images show, with a delayed camera, is posed apart.
         self._exposed_state = diagram.GetOutputPort("exposed_state")
         self._exposed_context = self._plant.CreateDefaultContext()
-        self._X_WM = scenario.target.X_WM.GetDeterministicValue()
+        self._target, self._latency = scenario.target, reference.latency
         self._path = scenario.hand_path.Make()
         self._X_E0W = self._path.CalcHandPose(0.0).inverse()
         self._recognizer = diagram.GetSubsystemByName("recognizer")
@@ -266,11 +266,12 @@ class _Recorder:
         exposed = self._exposed_state.Eval(self._diagram_context)
         self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
         X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
+        X_WM = self._target.CalcPose(frame_time - self._latency)
         for name, value in (
             ("time", frame_time),
             ("joint_positions", state[: self._num_joints]),
             ("joint_velocities", state[self._num_joints :]),
-            ("true_pose", X_WC.InvertAndCompose(self._X_WM).GetAsMatrix34()),
+            ("true_pose", X_WC.InvertAndCompose(X_WM).GetAsMatrix34()),
             ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
             (
                 "desired_hand_pose",

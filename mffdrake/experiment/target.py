@@ -2,51 +2,84 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 import logging
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Mesh, Role, SceneGraph
+from pydrake.geometry import FrameId, Mesh, Role, SceneGraph, SourceId
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import Body
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
+from mffdrake.systems.clutter.moving_shapes import MovingShapes
 from mffdrake.systems.models import ConfigureParser
 
 __all__ = [
     "AddTarget",
     "CalcDesiredPose",
     "FindScenarioMesh",
-    "FindTargetMesh",
     "LoadSolid",
+    "Target",
     "WarnOutside",
 ]
 
 _log = logging.getLogger("mffdrake")
 
 
-def AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
-    """Adds the target's model, welded to the world at X_WM.
+@dc.dataclass(frozen=True)
+class Target:
+    """The target in a scene, and in the scene's clones.
+
+    Attributes:
+        source: It is a source of its own there, ...
+        frame: ... and this its frame M.
+        mesh: The very mesh that the renderers draw.
+    """
+
+    source: SourceId
+    frame: FrameId
+    mesh: Path
+
+    def AddPose(
+        self,
+        builder: DiagramBuilder,
+        scene_graph: SceneGraph,
+        scenario: Scenario,
+        *,
+        name: str,
+        latency: float = 0.0,
+    ) -> None:
+        """Adds what tells a scene where the target was a latency [s] ago, as is prescribed."""
+        motion = scenario.target
+        poser = MovingShapes([self.frame], lambda time: [motion.CalcPose(time - latency)])
+        builder.AddNamedSystem(name, poser)
+        builder.Connect(poser.get_output_port(), scene_graph.get_source_pose_port(self.source))
+
+
+def AddTarget(scene_graph: SceneGraph, scenario: Scenario) -> Target:
+    """Adds the target's model to a scene: no plant's, as it moves as is prescribed.
 
     Args:
-        plant: Receives the model; not finalized yet.
+        scene_graph: Receives the model.
         scenario: Its ``target`` counts.
 
     Returns:
-        The target's body M.
+        The target.
 
     Raises:
-        ScenarioError: When the model cannot be loaded or is not one free rigid body.
+        ScenarioError: When the model cannot be loaded, is not one free rigid body, or its visual is
+            not one mesh at its origin, unscaled.
     """
+    plant = MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
     model = scenario.target.model
-    num_joints = plant.num_joints()
     parser = Parser(plant)
     ConfigureParser(parser)
     try:
@@ -62,47 +95,32 @@ def AddTarget(plant: MultibodyPlant, scenario: Scenario) -> Body:
         raise ScenarioError(
             f"target.model '{model}' must be one rigid body, but has {len(bodies)} bodies"
         )
-    if plant.num_joints() > num_joints:
+    if plant.num_joints() > 0:
         raise ScenarioError(
             f"target.model '{model}' must be free: neither static nor joined to the world; "
             "target.X_WM tells where it is"
         )
     body = plant.get_body(bodies[0])
-    X_WM = scenario.target.X_WM.GetDeterministicValue()
-    plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WM)
-    return body
+    frame = plant.GetBodyFrameIdOrThrow(body.index())
+    return Target(plant.get_source_id(), frame, _FindMesh(scene_graph, frame, body.name(), model))
 
 
-def FindTargetMesh(scene_graph: SceneGraph, plant: MultibodyPlant, target: Body, name: str) -> Path:
-    """The file of the very mesh that the renderers draw for a body.
-
-    Args:
-        scene_graph: The scene that the plant is registered with.
-        plant: The plant, finalized.
-        target: The body.
-        name: The model's name, for messages.
-
-    Returns:
-        The mesh file.
-
-    Raises:
-        ScenarioError: When the body's visual is not one mesh at its origin, unscaled.
-    """
+def _FindMesh(scene_graph: SceneGraph, frame: FrameId, body: str, model: str) -> Path:
+    """The file of the very mesh that the renderers draw for a body."""
     inspector = scene_graph.model_inspector()
-    frame = plant.GetBodyFrameIdOrThrow(target.index())
     visuals = inspector.GetGeometries(frame, Role.kPerception)
     shapes = [inspector.GetShape(geometry) for geometry in visuals]
     if len(shapes) != 1 or not isinstance(shapes[0], Mesh):
         raise ScenarioError(
-            f"target.model {name}: body '{target.name()}' must have exactly one visual, a mesh"
+            f"target.model {model}: body '{body}' must have exactly one visual, a mesh"
         )
     if not np.allclose(shapes[0].scale3(), 1.0):
         raise ScenarioError(
-            f"target.model {name}: the mesh must have scale 1, not {shapes[0].scale3()}; scale its "
+            f"target.model {model}: the mesh must have scale 1, not {shapes[0].scale3()}; scale its "
             "vertices instead"
         )
     if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
-        raise ScenarioError(f"target.model {name}: the mesh must lie at the body's origin")
+        raise ScenarioError(f"target.model {model}: the mesh must lie at the body's origin")
     return Path(shapes[0].source().path())
 
 
@@ -116,18 +134,13 @@ def FindScenarioMesh(scenario: Scenario) -> Path:
         The mesh file.
 
     Raises:
-        ScenarioError: See `AddTarget` and `FindTargetMesh`.
+        ScenarioError: See `AddTarget`.
 
     Example:
         >>> FindScenarioMesh(Scenario()).name
         'target_box.obj'
     """
-    plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=scenario.timing.control_period), DiagramBuilder()
-    )
-    target = AddTarget(plant, scenario)
-    plant.Finalize()
-    return FindTargetMesh(scene_graph, plant, target, scenario.target.model)
+    return AddTarget(SceneGraph(), scenario).mesh
 
 
 def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
@@ -165,8 +178,10 @@ def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
 def _CalcDesiredPoses(scenario: Scenario, times: Iterable[float]) -> NDArray[np.float64]:
     """The pose vectors of `CalcDesiredPose` at many times [s], shape (K, 6)."""
     path, X_EC = scenario.hand_path.Make(), MakeMounts(scenario)[0].X_EK
-    X_WM = scenario.target.X_WM.GetDeterministicValue()
-    X_CM = [(path.CalcHandPose(time) @ X_EC).InvertAndCompose(X_WM) for time in times]
+    X_CM = [
+        (path.CalcHandPose(time) @ X_EC).InvertAndCompose(scenario.target.CalcPose(time))
+        for time in times
+    ]
     return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in X_CM])
 
 

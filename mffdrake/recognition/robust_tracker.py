@@ -39,6 +39,7 @@ _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
 _SELDOM = 4  # Every so many frames it searches beside what it relies on.
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
 _STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
+_TURNING = 7.0  # standard deviations, of three axes together, of a change of velocity in a frame
 _UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
 _DOUBT = 0.5  # times its confidence is that of a pose where it was not expected.
 
@@ -177,12 +178,17 @@ class RobustTracker:
         return dc.replace(generation, stamps=stamps), is_stale
 
     def _is_elsewhere(self, seen: Seen, generation: Generation) -> bool:
-        """Whether a pose in an image seen before is not where the target should be by now."""
+        """Whether a pose in an image seen before is not where the target should be by now.
+
+        A target that turns back may look the same at two frames, and where it was not expected.
+        """
         assert generation.motion is not None
-        apart, turned = _STALE
-        expected, C = generation.motion.pose, seen.refined.covariance
-        apart = max(apart, 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
-        turned = max(turned, 8.0 * float(np.sqrt(np.trace(C[3:, 3:]))))  # of eps, a half angle
+        motion = generation.motion
+        expected, C = motion.pose, body_covariance(seen.pose, seen.refined.covariance)
+        apart = max(_STALE[0], 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
+        turned = max(_STALE[1], 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
+        apart += _TURNING * motion.unrest * self.motion.acceleration
+        turned += _TURNING * motion.unrest * self.motion.angular_acceleration
         return bool(
             np.linalg.norm(seen.pose[:3] - expected[:3]) > apart
             or rotation_angle(seen.pose[3:], expected[3:]) > turned

@@ -28,7 +28,7 @@ from mffdrake.systems.timing import Timing
 
 PARTS = {
     "plant", "scene_graph", "render_scene", "hand_path", "pd_controller", "gravity_compensation",
-    "stereo_camera",
+    "stereo_camera", "target", "exposed_target",
     "recognizer", "predictor",
 }  # fmt: skip
 
@@ -132,8 +132,15 @@ def test_the_target_lies_where_the_scenario_says():
     )
     diagram = MakeHandEyeDiagram(scenario)
     plant = diagram.GetSubsystemByName("plant")
-    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
-    X_WM = plant.GetFrameByName("target_box").CalcPoseInWorld(context)
+    root = diagram.CreateDefaultContext()
+    context = plant.GetMyContextFromRoot(root)
+    query = diagram.GetOutputPort("query_object").Eval(root)
+    frames = [
+        f
+        for f in query.inspector().GetAllFrameIds()
+        if "target_box" in query.inspector().GetName(f)
+    ]
+    X_WM = query.GetPoseInWorld(*frames)
     assert X_WM.IsNearlyEqualTo(scenario.target.X_WM.GetDeterministicValue(), 1e-12)
     X_CM = plant.GetFrameByName("camera_right").CalcPoseInWorld(context).InvertAndCompose(X_WM)
     X_CL = plant.GetFrameByName("camera_left").CalcPose(
@@ -414,7 +421,7 @@ def test_a_target_with_a_broken_file_is_a_scenario_error_that_names_it(
     "model",
     [
         "", "missing.sdf", "/tmp", "package://mffdrake/missing.sdf", "package://unknown/box.sdf",
-        "package://", "package://mffdrake/pa10.urdf", "https://example.invalid/box.sdf",
+        "package://", "https://example.invalid/box.sdf",
     ],
 )  # fmt: skip
 def test_a_target_that_is_not_there_is_a_scenario_error_that_names_it(model):

@@ -169,7 +169,7 @@ def test_every_key_of_the_issue_is_there():
         "controller": set(),
         "camera": {"width", "height", "fov_y_deg", "baseline", "p_EC", "latency"},
         "encoders": {"noise_deg"},
-        "target": {"model", "X_WM"},
+        "target": {"model", "X_WM", "motion"},
         "recognizer": {
             "population_size", "generations_per_frame", "coding", "search_range", "start",
             "refinement",
@@ -335,6 +335,7 @@ clutter: [!Distractors {number: 3}, occluder]
 target:
   model: /tmp/prism.sdf
   X_WM: {translation: [1.5, 0.2, 0.3], rotation: !AngleAxis {angle_deg: 77.7, axis: [1, 2, 3]}}
+  motion: !Straight {velocity: [0.01, 0, 0.02], duration: 3, then: reverse}
 recognizer:
   population_size: 30
   generations_per_frame: 2

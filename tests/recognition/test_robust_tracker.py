@@ -197,6 +197,17 @@ def test_feedforward_and_the_targets_own_motion_add_up(tracker):
     np.testing.assert_allclose(generation.motion.velocity[:3], [0.004, -0.002, 0.003], atol=1e-3)
 
 
+def test_a_target_that_turns_back_looks_the_same_twice_and_is_tracked(tracker):
+    """Thrown up, it is at the same place one frame before and one after its highest point."""
+    low = np.array([0.0, 0.0004, 0.0, 0.0, 0.0, 0.0])
+    thrown = [moving(0) + low * (k - 9.5) ** 2 for k in range(20)]
+    generation = tracker.start_population(see(thrown[0]))
+    for k, psi in enumerate(thrown[1:], start=1):
+        generation = tracker.track(generation, see(psi), frame=k)
+        assert generation.state == TrackingState.TRACKING, k
+        assert is_right(generation, psi), k
+
+
 # Not seen
 
 

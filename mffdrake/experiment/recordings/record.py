@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 
-from mffdrake.experiment.cameras import MakeRig
+from mffdrake.experiment.cameras import MakeMounts, MakeRig
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.pictures import SaveImage
@@ -134,11 +134,11 @@ def _Motion(
     scenario: Scenario, result: SimulationResult, displacements: Sequence[RigidTransform]
 ) -> NDArray[np.float64]:
     """Pose vectors of the rig in the world at every frame, shape (K, 6)."""
-    X_WM = scenario.target.X_WM.GetDeterministicValue()
+    latency = MakeMounts(scenario)[0].latency
     R_CM, p_CM = transform_from_pose(result.true_pose)
     true = [
-        X_WM @ RigidTransform(RotationMatrix(R), p).inverse()
-        for R, p in zip(R_CM, p_CM, strict=True)
+        scenario.target.CalcPose(time - latency) @ RigidTransform(RotationMatrix(R), p).inverse()
+        for time, R, p in zip(result.time, R_CM, p_CM, strict=True)
     ]
     poses = true
     if scenario.method == "mff":

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
+    FrameId,
     FramePoseVector,
     GeometryFrame,
     GeometryInstance,
@@ -60,18 +61,18 @@ class MovingShapes(LeafSystem):
         poses: Their poses X_WG at a time [s], in the same order.
 
     Example:
-        >>> still = MovingShapes([GeometryFrame("shape")], lambda t: [RigidTransform()])
+        >>> still = MovingShapes([FrameId.get_new_id()], lambda t: [RigidTransform()])
         >>> still.get_output_port().Eval(still.CreateDefaultContext()).size()
         1
     """
 
     def __init__(
         self,
-        frames: Sequence[GeometryFrame],
+        frames: Sequence[FrameId],
         poses: Callable[[float], Sequence[RigidTransform]],
     ) -> None:
         super().__init__()
-        self._ids = [frame.id() for frame in frames]
+        self._frames = list(frames)
         self._poses = poses
         self.DeclareAbstractOutputPort(
             "geometry_pose",
@@ -82,7 +83,7 @@ class MovingShapes(LeafSystem):
 
     def _CalcGeometryPose(self, context: Context, output: AbstractValue) -> None:
         poses = FramePoseVector()
-        for frame, X_WG in zip(self._ids, self._poses(context.get_time()), strict=True):
+        for frame, X_WG in zip(self._frames, self._poses(context.get_time()), strict=True):
             poses.set_value(frame, X_WG)
         output.set_value(poses)
 
@@ -124,6 +125,6 @@ def AddMovingShapes(
         instance.set_perception_properties(properties)
         instance.set_illustration_properties(MakePhongIllustrationProperties(color.rgba))
         scene_graph.RegisterGeometry(source, frame.id(), instance)
-    system = builder.AddNamedSystem(name, MovingShapes(frames, poses))
+    system = builder.AddNamedSystem(name, MovingShapes([frame.id() for frame in frames], poses))
     builder.Connect(system.get_output_port(), scene_graph.get_source_pose_port(source))
     return system

@@ -1,0 +1,77 @@
+"""Smoothly from point to point."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+from annotated_types import MinLen
+from pydrake.trajectories import PiecewisePolynomial
+
+from mffdrake.recognition.parameters import NonNegative, Vector3, parameters
+from mffdrake.systems.target_motion.target_motion import Offset, OffsetMotion
+
+__all__ = ["Waypoint", "Waypoints"]
+
+
+@parameters
+class Waypoint:
+    """Where a target is at a time.
+
+    Attributes:
+        time: The time [s].
+        translation: How far it has moved along the world's axes [m].
+        rotation_deg: The rotation vector by which it has turned, along them [deg].
+    """
+
+    time: NonNegative
+    translation: Vector3 = (0.0, 0.0, 0.0)
+    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+
+
+@parameters
+class Waypoints(OffsetMotion):
+    """The target moves from point to point, without passing beyond any, at rest before and after.
+
+    Attributes:
+        points: The points, in the order of their times.
+
+    Raises:
+        ValueError: When the times do not increase.
+
+    Example:
+        >>> there = Waypoints(points=(Waypoint(time=0), Waypoint(time=2, translation=(0.2, 0, 0))))
+        >>> there.CalcOffset(1.0)[0]
+        array([0.1, 0. , 0. ])
+    """
+
+    points: Annotated[tuple[Waypoint, ...], MinLen(1)] = (
+        Waypoint(time=0.0),
+        Waypoint(time=5.0, translation=(0.0, 0.1, 0.0)),
+        Waypoint(time=10.0),
+    )
+
+    def __post_init__(self) -> None:
+        """Checks the times."""
+        times = [point.time for point in self.points]
+        if any(later <= time for time, later in zip(times, times[1:], strict=False)):
+            raise ValueError(f"points must be in the order of their times, not at {times} s")
+
+    def CalcOffset(self, time: float) -> Offset:
+        """See `OffsetMotion.CalcOffset`."""
+        offset = self._trajectory.value(time).ravel()  # the nearest end's, before and after
+        return offset[:3], np.radians(offset[3:])
+
+    @cached_property
+    def _trajectory(self) -> PiecewisePolynomial:
+        times = np.array([point.time for point in self.points])
+        values = np.array([[*point.translation, *point.rotation_deg] for point in self.points])
+        if len(times) == 1:
+            return PiecewisePolynomial(values.T)
+        if len(times) == 2:  # Drake's shape-preserving splines need three.
+            rest = np.zeros((6, 1))
+            return PiecewisePolynomial.CubicHermite(times, values.T, np.hstack([rest, rest]))
+        return PiecewisePolynomial.CubicShapePreserving(
+            times, values.T, zero_end_point_derivatives=True
+        )
