@@ -85,8 +85,9 @@ def MakeHandEyeDiagram(
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
     ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
-    them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the scenario has a camera latency, encoder errors, disturbances or clutter,
-    there are a ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
+    them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the
+    scenario has a camera latency, encoder errors, disturbances or clutter, there are a
+    ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
     ``gaussian_noise_right`` or ``occluder_0``, too. The images are those that the recognizer gets,
     and the port ``exposed_state`` is the state that the first camera's show.
     The arm's default state is at rest at the path's first pose. All systems see the state of the

@@ -116,8 +116,8 @@ def _FindMesh(scene_graph: SceneGraph, frame: FrameId, body: str, model: str) ->
         )
     if not np.allclose(shapes[0].scale3(), 1.0):
         raise ScenarioError(
-            f"target.model {model}: the mesh must have scale 1, not {shapes[0].scale3()}; scale its "
-            "vertices instead"
+            f"target.model {model}: the mesh must have scale 1, not {shapes[0].scale3()}; scale "
+            "its vertices instead"
         )
     if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
         raise ScenarioError(f"target.model {model}: the mesh must lie at the body's origin")

@@ -1,7 +1,7 @@
 """How a target moves through the world: prescribed motions, as functions of time.
 
-A motion is a class of parameters. A new one is a file here and a name in a scenario's `TargetMotion`
-union.
+A motion is a class of parameters. A new one is a file here and a name in a scenario's union of
+them.
 """
 
 from mffdrake.systems.target_motion.at_rest import AtRest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cached_property
 from typing import Annotated
 
@@ -55,7 +56,7 @@ class Waypoints(OffsetMotion):
     def __post_init__(self) -> None:
         """Checks the times."""
         times = [point.time for point in self.points]
-        if any(later <= time for time, later in zip(times, times[1:], strict=False)):
+        if any(later <= time for time, later in itertools.pairwise(times)):
             raise ValueError(f"points must be in the order of their times, not at {times} s")
 
     def CalcOffset(self, time: float) -> Offset:
