@@ -10,19 +10,18 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from mffdrake.experiment.cameras import MakeKnownRig, MakeMounts, MakeRig
+from mffdrake.experiment.control import AddControl, Control, MakeController
 from mffdrake.experiment.parts import (
     AddCameras,
     AddClutter,
-    AddControl,
     AddStation,
     Cameras,
-    Control,
-    MakeController,
     MakeKnownArm,
     SolvePath,
     Station,
 )
 from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.servoing import ConnectServo
 from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh, LoadSolid, WarnOutside
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import OneStepGaTracker, Tracker
@@ -131,6 +130,7 @@ def MakeHandEyeDiagram(
 
     Example:
         >>> from mffdrake.experiment.scenario import Scenario
+from mffdrake.experiment.servoing import ConnectServo
         >>> diagram = MakeHandEyeDiagram(Scenario(duration=1.0))
         >>> diagram.GetSubsystemByName("recognizer").num_hypotheses
         60
@@ -157,6 +157,7 @@ def MakeHandEyeDiagram(
             predictor=predictor,
             estimated_state=control.estimated_state,
         )
+    ConnectServo(builder, scenario, station, control, recognizer, predictor)
     WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:
         _AddView(builder, scenario, station, recognizer, meshcat)

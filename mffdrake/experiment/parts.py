@@ -14,28 +14,23 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.trajectories import PiecewisePolynomial
 
 from mffdrake.experiment.cameras import AddFrames, CalcKnownX_EC, MakeMounts, MakeRig
+from mffdrake.experiment.desired_hand import MakeReferencePath
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.experiment.target import AddTarget, LoadSolid, Target
 from mffdrake.recognition import CameraRig, SolidModel
-from mffdrake.systems.arm_joints import JointNames, MovingJoints
 from mffdrake.systems.camera_delay import AddDelay, GeometryPoser
 from mffdrake.systems.camera_frames import AddCameraFrame
 from mffdrake.systems.disturbances import AddDisturbances
 from mffdrake.systems.graphics import GraphicsUnavailableError
-from mffdrake.systems.hand_path import AddHandPathSource, SolveHandPath
-from mffdrake.systems.joint_encoders import JointEncoders
-from mffdrake.systems.pd_controller import AddGravityCompensation, PdController
+from mffdrake.systems.hand_path import SolveHandPath
 from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
 
 __all__ = [
     "AddCameras",
     "AddClutter",
-    "AddControl",
     "AddStation",
     "Cameras",
-    "Control",
-    "MakeController",
     "MakeKnownArm",
     "SolvePath",
     "Station",
@@ -64,21 +59,6 @@ class Station:
     path: PiecewisePolynomial
     target: Target
     solid: SolidModel
-
-
-@dc.dataclass(frozen=True, kw_only=True)
-class Control:
-    """What the arm is to do and does, each with the joints' positions first.
-
-    Attributes:
-        desired_state: The path's state.
-        estimated_state: The arm's state as the encoders read it.
-        actuation: The torques [N m].
-    """
-
-    desired_state: OutputPort
-    estimated_state: OutputPort
-    actuation: OutputPort
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -136,99 +116,13 @@ def SolvePath(arm: MultibodyPlant, scenario: Scenario) -> PiecewisePolynomial:
     """The joint motion along which the hand follows the scenario's path."""
     return SolveHandPath(
         arm,
-        scenario.hand_path.Make(),
+        MakeReferencePath(scenario),
         duration=scenario.duration,
         frame_name=scenario.arm.hand_frame,
         model_instance=arm.GetModelInstanceByName(scenario.arm.model),
         nominal=scenario.arm.nominal_positions,
         held_joints=scenario.arm.held_joints,
     )
-
-
-def AddControl(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Control:
-    """Adds the path, the joint encoders and the PD controller, connected to the arm."""
-    plant = station.plant
-    source = AddHandPathSource(builder, station.path)
-    controller = builder.AddNamedSystem(
-        "pd_controller", MakeController(scenario, station.known_arm)
-    )
-    estimated_state = _AddEncoders(builder, plant, scenario)
-    builder.Connect(source.get_output_port(), controller.GetInputPort("desired_state"))
-    builder.Connect(estimated_state, controller.GetInputPort("estimated_state"))
-    builder.Connect(controller.GetOutputPort("actuation"), plant.get_actuation_input_port())
-    if scenario.controller.gravity_compensation:
-        AddGravityCompensation(
-            builder,
-            arm_plant=station.known_arm,
-            estimated_state=estimated_state,
-            feedforward_torque=controller.GetInputPort("feedforward_torque"),
-        )
-    return Control(
-        desired_state=source.get_output_port(),
-        estimated_state=estimated_state,
-        actuation=controller.GetOutputPort("actuation"),
-    )
-
-
-def MakeController(scenario: Scenario, arm: MultibodyPlant) -> PdController:
-    """The scenario's controller, with the effort limits of the arm's model.
-
-    Raises:
-        ScenarioError: When there is not one gain for each joint.
-    """
-    config = scenario.controller
-    instance = arm.GetModelInstanceByName(scenario.arm.model)
-    try:
-        made = config.gains.MakeGains(
-            arm,
-            positions=scenario.arm.nominal_positions,
-            model_instance=instance,
-            timing=scenario.timing,
-        )
-    except ValueError as error:
-        raise ScenarioError(f"controller.gains: {error}") from error
-    gains = {
-        "kp": made.kp if config.kp is None else config.kp,
-        "kd": made.kd if config.kd is None else config.kd,
-    }
-    joints = MovingJoints(arm, instance)
-    for name, values in gains.items():
-        if len(values) != len(joints):
-            raise ScenarioError(
-                f"controller.{name} must be a list of {len(joints)} numbers, one for each of "
-                f"{JointNames(joints)}, not {list(values)}"
-            )
-    return PdController(
-        kp=gains["kp"],
-        kd=gains["kd"],
-        effort_limit=arm.GetEffortUpperLimits(),
-        timing=scenario.timing,
-    )
-
-
-def _AddEncoders(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario) -> OutputPort:
-    """The port with the arm's state as it is read; free of error, that is the plant's own."""
-    config, num_joints = scenario.encoders, plant.num_positions()
-    if config.noise_deg == 0.0 and config.resolution_deg == 0.0 and not any(config.offset_deg):
-        return plant.get_state_output_port()
-    if len(config.offset_deg) not in (0, num_joints):
-        raise ScenarioError(
-            f"encoders.offset_deg must be a list of {num_joints} numbers, one a joint, or empty, "
-            f"not {list(config.offset_deg)}"
-        )
-    encoders = builder.AddNamedSystem(
-        "joint_encoders",
-        JointEncoders(
-            num_joints=num_joints,
-            noise=math.radians(config.noise_deg),
-            offset=np.radians(config.offset_deg) if config.offset_deg else 0.0,
-            resolution=math.radians(config.resolution_deg),
-            seed=scenario.seed,
-            timing=scenario.timing,
-        ),
-    )
-    builder.Connect(plant.get_state_output_port(), encoders.get_input_port())
-    return encoders.get_output_port()
 
 
 def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Cameras:

@@ -21,7 +21,9 @@ from mffdrake.experiment.scenario_sections import (
     ControllerConfig,
     EncodersConfig,
     HandPathConfig,
+    NoServo,
     PredictorConfig,
+    Servo,
     TargetConfig,
 )
 from mffdrake.experiment.yaml_text import DumpYaml, ReadYaml, ScenarioError
@@ -64,6 +66,8 @@ class Scenario:
         clutter: What moves in the scene beside the target.
         encoders: The joint encoders.
         target: The object to recognize.
+        servo: Whether the hand follows the target by what it sees: none, or ``!Servo {...}``; then
+            only its path's first pose counts.
         recognizer: The recognizer.
         predictor: The motion feedforward.
         timing: Control and vision periods.
@@ -91,6 +95,7 @@ class Scenario:
     clutter: tuple[Clutter, ...] = ()
     encoders: EncodersConfig = dc.field(default_factory=EncodersConfig)
     target: TargetConfig = dc.field(default_factory=TargetConfig)
+    servo: Servo = dc.field(default_factory=NoServo)
     recognizer: TrackerParameters = dc.field(default_factory=TrackerParameters)
     predictor: PredictorConfig = dc.field(default_factory=PredictorConfig)
     timing: Timing = dc.field(default_factory=Timing)

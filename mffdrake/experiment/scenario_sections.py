@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from annotated_types import Ge, Lt
@@ -23,13 +23,18 @@ from mffdrake.recognition.parameters import (
 from mffdrake.systems.hand_path import HandPath
 from mffdrake.systems.pd_gains import Gains, LightlyDamped
 from mffdrake.systems.target_motion import AtRest, Sinusoids, Step, Straight, Waypoints
+from mffdrake.systems.target_motion_estimator import EstimatorParameters
 from mffdrake.systems.transforms import Pose, RpyDeg
+from mffdrake.systems.visual_servo import ServoParameters
 
 __all__ = [
     "ControllerConfig",
     "EncodersConfig",
     "HandPathConfig",
+    "NoServo",
     "PredictorConfig",
+    "Servo",
+    "ServoConfig",
     "TargetConfig",
 ]
 
@@ -80,12 +85,15 @@ class ControllerConfig:
         kp: Proportional gains [N m/rad], one a joint; they replace those.
         kd: Derivative gains [N m s/rad], likewise.
         gravity_compensation: Whether the arm's weight is compensated.
+        computed_torque: Whether the torques of the desired accelerations are added, the weight's
+            included; without, the hand lags where it accelerates.
     """
 
     gains: Gains = dc.field(default_factory=LightlyDamped)
     kp: tuple[NonNegative, ...] | None = None
     kd: tuple[NonNegative, ...] | None = None
     gravity_compensation: bool = True
+    computed_torque: bool = False
 
 
 @parameters
@@ -128,6 +136,36 @@ class TargetConfig:
 
 
 @parameters
+class NoServo:
+    """The hand follows its path, whatever the target does."""
+
+    kind: ClassVar[str] = "none"
+
+
+@parameters
+class ServoConfig:
+    """The hand follows the target by what it sees: it keeps it where it is at the start.
+
+    At rest at its ``X_WM``, the target is where the camera wants it when the hand is at the path's
+    first pose.
+
+    Attributes:
+        controller: How the hand follows.
+        estimator: How the target's motion is estimated.
+        feed_velocity: Whether the target's velocity goes to the motion feedforward, too.
+        source: What tells where the target is: "camera", or "truth", the limit of what any
+            recognizer can do.
+    """
+
+    kind: ClassVar[str] = "follow"
+
+    controller: ServoParameters = dc.field(default_factory=ServoParameters)
+    estimator: EstimatorParameters = dc.field(default_factory=EstimatorParameters)
+    feed_velocity: bool = True
+    source: Literal["camera", "truth"] = "camera"
+
+
+@parameters
 class PredictorConfig:
     """The motion feedforward; see `MffPredictor`.
 
@@ -145,3 +183,7 @@ class PredictorConfig:
     gain: Finite = 1.0
     hand_eye_error_deg: Vector3 = (0.0, 0.0, 0.0)
     hand_eye_error: Vector3 = (0.0, 0.0, 0.0)
+
+
+Servo: TypeAlias = Annotated[NoServo | ServoConfig, OneOf()]
+"""A parameter that says whether the hand follows the target: ``none`` or ``!Servo {...}``."""

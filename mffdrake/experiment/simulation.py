@@ -15,6 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, System
 
 from mffdrake.experiment.cameras import MakeMounts
+from mffdrake.experiment.desired_hand import MakeDesiredHand
 from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import Scenario
@@ -226,8 +227,8 @@ class _Recorder:
         self._exposed_state = diagram.GetOutputPort("exposed_state")
         self._exposed_context = self._plant.CreateDefaultContext()
         self._target, self._latency = scenario.target, reference.latency
-        self._path = scenario.hand_path.Make()
-        self._X_E0W = self._path.CalcHandPose(0.0).inverse()
+        self._desired_hand = MakeDesiredHand(scenario)
+        self._X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
         self._recognizer = diagram.GetSubsystemByName("recognizer")
         self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
         self._image_ports = [
@@ -275,7 +276,7 @@ class _Recorder:
             ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
             (
                 "desired_hand_pose",
-                (self._X_E0W @ self._path.CalcHandPose(frame_time)).GetAsMatrix34(),
+                (self._X_E0W @ self._desired_hand(frame_time)).GetAsMatrix34(),
             ),
         ):
             self._rows[name].append(value)

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import FrameId, Mesh, Role, SceneGraph, SourceId
+from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.experiment.cameras import MakeMounts
+from mffdrake.experiment.desired_hand import MakeDesiredHand
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
@@ -24,6 +26,7 @@ from mffdrake.systems.models import ConfigureParser
 __all__ = [
     "AddTarget",
     "CalcDesiredPose",
+    "CalcWantedPose",
     "FindScenarioMesh",
     "LoadSolid",
     "Target",
@@ -163,7 +166,7 @@ def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
 
 
 def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
-    """The target's pose in the first camera when the hand is where the path wants it.
+    """The target's pose in the first camera when the hand is where it is wanted.
 
     Args:
         scenario: The scenario.
@@ -175,11 +178,17 @@ def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:
     return _CalcDesiredPoses(scenario, [time])[0]
 
 
+def CalcWantedPose(scenario: Scenario) -> RigidTransform:
+    """Where the first camera sees the target, at rest at its X_WM, from the hand's first pose."""
+    X_WC = scenario.hand_path.Make().CalcHandPose(0.0) @ MakeMounts(scenario)[0].X_EK
+    return X_WC.InvertAndCompose(scenario.target.X_WM.GetDeterministicValue())
+
+
 def _CalcDesiredPoses(scenario: Scenario, times: Iterable[float]) -> NDArray[np.float64]:
     """The pose vectors of `CalcDesiredPose` at many times [s], shape (K, 6)."""
-    path, X_EC = scenario.hand_path.Make(), MakeMounts(scenario)[0].X_EK
+    CalcHandPose, X_EC = MakeDesiredHand(scenario), MakeMounts(scenario)[0].X_EK
     X_CM = [
-        (path.CalcHandPose(time) @ X_EC).InvertAndCompose(scenario.target.CalcPose(time))
+        (CalcHandPose(time) @ X_EC).InvertAndCompose(scenario.target.CalcPose(time))
         for time in times
     ]
     return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in X_CM])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         OutputPort,
     )
 
-__all__ = ["AddGravityCompensation", "PdController"]
+__all__ = ["AddComputedTorque", "AddGravityCompensation", "PdController"]
 
 
 class PdController(LeafSystem):
@@ -161,6 +161,42 @@ def AddGravityCompensation(
     builder.Connect(estimated_state, gravity_compensation.get_input_port_estimated_state())
     builder.Connect(gravity_compensation.get_output_port_generalized_force(), feedforward_torque)
     return gravity_compensation
+
+
+def AddComputedTorque(
+    builder: DiagramBuilder,
+    *,
+    arm_plant: MultibodyPlant,
+    estimated_state: OutputPort,
+    desired_acceleration: OutputPort,
+    feedforward_torque: InputPort,
+    name: str = "computed_torque",
+) -> InverseDynamics:
+    """Adds the torques that an arm without errors needs, and connects them to a controller.
+
+    They are those of the desired accelerations at the arm's present state, its weight included. A
+    PD controller alone makes torques of errors only, so that the hand lags where it accelerates.
+
+    Args:
+        builder: The builder of the diagram.
+        arm_plant: See `AddGravityCompensation`.
+        estimated_state: The output port with the arm's state, of size 2n.
+        desired_acceleration: The output port with the joints' desired accelerations, of size n.
+        feedforward_torque: The controller's input port of that name, of size n.
+        name: The system's name.
+
+    Returns:
+        Drake's own system, which computes the torques.
+    """
+    system = builder.AddNamedSystem(
+        name, InverseDynamics(arm_plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
+    )
+    # Drake's system only points to the plant, which must live as long as the diagram does.
+    system.arm_plant = arm_plant
+    builder.Connect(estimated_state, system.get_input_port_estimated_state())
+    builder.Connect(desired_acceleration, system.get_input_port_desired_acceleration())
+    builder.Connect(system.get_output_port_generalized_force(), feedforward_torque)
+    return system
 
 
 def _CheckVector(name: str, value: ArrayLike, n: int, finite: bool = True) -> NDArray[np.float64]:

@@ -1,0 +1,264 @@
+"""Where a target is in the world and how it moves, from what a recognizer sees of it."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from mffdrake.recognition.parameters import Count, Positive, parameters
+from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
+from mffdrake.recognition.pose_filter import (
+    NUM_NUMBERS,
+    PoseFilter,
+    PoseFilterParameters,
+    body_covariance,
+    pose_covariance,
+)
+from mffdrake.systems._callbacks import Weakly
+from mffdrake.systems.timing import Timing
+
+__all__ = ["EstimatorParameters", "TargetMotionEstimator"]
+
+Array = NDArray[np.float64]
+
+
+@parameters
+class EstimatorParameters:
+    """How a target may move, and how much a pose says of it.
+
+    Attributes:
+        motion: How it may move.
+        lateral_error: Standard error of a pose that is not refined, across the line of sight [m];
+        depth_error: ... and along it [m];
+        rotation_error: ... and of its rotation vector along each axis [rad].
+        refined_factor: So many times the covariance that a refined pose is given is its error's:
+            those of successive frames have part of it in common.
+        gate: Poses of a greater surprise (see `PoseFilter`) are left out, ...
+        patience: ... but so many in a row are believed.
+        lost_error: From this standard error of the predicted place on, the target is lost [m].
+
+    Example:
+        >>> EstimatorParameters(gate=30.0).patience
+        5
+    """
+
+    motion: PoseFilterParameters = dc.field(
+        default_factory=lambda: PoseFilterParameters(
+            acceleration=0.1, angular_acceleration=0.2, adaptive=True
+        )
+    )
+    lateral_error: Positive = 0.001
+    depth_error: Positive = 0.002
+    rotation_error: Positive = 0.01
+    refined_factor: Positive = 2.0
+    gate: Annotated[float, Ge(1)] = 25.0
+    patience: Count = 5
+    lost_error: Positive = 0.1
+
+
+class TargetMotionEstimator(LeafSystem):
+    """Estimates a target's pose and velocity in the world: a Kalman filter on recognized poses.
+
+    .. pydrake_system::
+
+        name: TargetMotionEstimator
+        input_ports:
+        - pose
+        - pose_covariance
+        - frame_time
+        - is_tracking
+        - X_WM
+        output_ports:
+        - X_WM
+        - target_velocity
+        - covariance
+        - is_known
+
+    One control tick after each frame it takes the recognizer's result, where that is to be relied
+    on, as of the time at which the images were exposed. Its outputs are predictions from there to
+    the present time, with a constant linear and angular velocity as seen from the target; so it
+    bridges latencies, dropped frames and occlusions, with growing covariance.
+
+    It forms everything in the world: there, the hand's own motion is no motion of the target, while
+    in the camera an oscillating hand would be one.
+
+    Ports:
+        pose, pose_covariance, frame_time, is_tracking, X_WM: The recognizer's outputs of these
+            names. Where the covariance is NaN, that of `EstimatorParameters` serves.
+        X_WM: The target's estimated pose at the present time, as a RigidTransform; the world's own
+            before the first pose that is to be relied on.
+        target_velocity: Its linear [m/s] and angular velocity [rad/s] in the world,
+            ``(v_WM, w_WM)``, shape (6,); zero before that.
+        covariance: Of the errors of position [m], orientation (a rotation vector) [rad], linear
+            [m/s] and angular velocity [rad/s], all along the world's axes, 12 x 12 row by row,
+            shape (144,); NaN before that.
+        is_known: 1 where the target's place is known well enough, else 0, shape (1,).
+
+    Args:
+        parameters: How the target may move, and how much a pose says of it.
+        latency: Known age of the images at their frame's time [s].
+        timing: Control and vision periods: those of the recognizer.
+
+    Example:
+        >>> estimator = TargetMotionEstimator()
+        >>> context = estimator.CreateDefaultContext()
+        >>> X_WM = RigidTransform([1.7, 0.0, 0.4])
+        >>> for name, value in (("pose", [0, 0, 0.8, 0, 0, 0]), ("frame_time", [0.0]),
+        ...                     ("pose_covariance", 1e-8 * np.eye(6).ravel()), ("is_tracking", [1]),
+        ...                     ("X_WM", AbstractValue.Make(X_WM))):
+        ...     _ = estimator.GetInputPort(name).FixValue(context, value)
+        >>> estimator.CalcForcedDiscreteVariableUpdate(
+        ...     context, context.get_mutable_discrete_state())
+        >>> estimator.GetOutputPort("X_WM").Eval(context).translation()
+        array([1.7, 0. , 0.4])
+    """
+
+    def __init__(
+        self,
+        *,
+        parameters: EstimatorParameters | None = None,
+        latency: float = 0.0,
+        timing: Timing | None = None,
+    ) -> None:
+        super().__init__()
+        self._parameters = EstimatorParameters() if parameters is None else parameters
+        self._latency = latency
+        self._timing = Timing() if timing is None else timing
+        self._timing.CheckLatency(latency)
+
+        pose = AbstractValue.Make(RigidTransform())
+        self._pose = self.DeclareVectorInputPort("pose", 6)
+        self._pose_covariance = self.DeclareVectorInputPort("pose_covariance", 36)
+        self._frame_time = self.DeclareVectorInputPort("frame_time", 1)
+        self._is_tracking = self.DeclareVectorInputPort("is_tracking", 1)
+        self._seen = self.DeclareAbstractInputPort("X_WM", pose)
+
+        self._filter = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
+        # The filter's time, that of the last frame that it was told of [s], and outliers in a row
+        self._history = self.DeclareDiscreteState([math.nan, math.nan, 0.0])
+
+        from_filter = {
+            self.time_ticket(),
+            self.discrete_state_ticket(self._filter),
+            self.discrete_state_ticket(self._history),
+        }
+        self.DeclareAbstractOutputPort(
+            "X_WM",
+            lambda: AbstractValue.Make(RigidTransform()),
+            Weakly(self._CalcPose),
+            from_filter,
+        )
+        for name, size, calc in (
+            ("target_velocity", 6, self._CalcVelocity),
+            ("covariance", 144, self._CalcCovariance),
+            ("is_known", 1, self._CalcIsKnown),
+        ):
+            self.DeclareVectorOutputPort(name, size, Weakly(calc), from_filter)
+
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            self._timing.control_period, 0.0, self._UpdateAfterFrame
+        )
+        self.DeclareForcedDiscreteUpdateEvent(self._Update)
+
+    @property
+    def timing(self) -> Timing:
+        """Control and vision periods."""
+        return self._timing
+
+    def _UpdateAfterFrame(self, context: Context, discrete_state: DiscreteValues) -> None:
+        if self._timing.IsVisionTick(context.get_time(), delay_ticks=-1):
+            self._Update(context, discrete_state)
+
+    def _Update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        p = self._parameters
+        filter_time, last_frame, outliers = context.get_discrete_state(self._history).value()
+        (frame_time,) = self._frame_time.Eval(context)
+        is_new = not math.isnan(frame_time) and frame_time != last_frame
+        if not is_new or self._is_tracking.Eval(context)[0] != 1.0:
+            return
+        exposed = frame_time - self._latency
+        seen, C = self._Measure(context)
+        known = self._Filter(context)
+        if known is None or outliers >= p.patience:
+            unrest = 1.0 if known is None else known.unrest
+            known = dc.replace(PoseFilter.of(seen, C, p.motion), unrest=unrest)
+            outliers = 0
+        else:
+            predicted = known.predict(max(0.0, exposed - filter_time), p.motion)
+            updated = predicted.update(seen, C)
+            if updated.surprise <= p.gate:
+                known, outliers = updated, 0
+            else:
+                known, outliers = predicted.surprised(seen, C), outliers + 1
+        discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
+        discrete_state.set_value(self._history, [exposed, frame_time, outliers])
+
+    def _Measure(self, context: Context) -> tuple[Array, Array]:
+        """The recognized pose in the world and its error's covariance, as a pose vector's."""
+        p, pose = self._parameters, self._pose.Eval(context)
+        C = self._pose_covariance.Eval(context).reshape(6, 6)
+        if math.isnan(C[0, 0]):
+            R, r = transform_from_pose(pose)
+            sight = r / max(1e-9, float(np.linalg.norm(r)))
+            place = p.lateral_error**2 * (np.eye(3) - np.outer(sight, sight))
+            place += p.depth_error**2 * np.outer(sight, sight)
+            body = np.zeros((6, 6))
+            body[:3, :3] = R.T @ place @ R
+            body[3:, 3:] = p.rotation_error**2 * np.eye(3)
+        else:
+            body = p.refined_factor * body_covariance(pose, C)
+        X_WM = self._seen.Eval(context)
+        seen = pose_from_transform(X_WM.rotation().matrix(), X_WM.translation())
+        return seen, pose_covariance(seen, body)
+
+    def _Filter(self, context: Context) -> PoseFilter | None:
+        numbers = context.get_discrete_state(self._filter).value()
+        return None if math.isnan(numbers[0]) else PoseFilter.of_numbers(np.zeros(6), numbers)
+
+    def _Present(self, context: Context) -> PoseFilter | None:
+        """What is known by now."""
+        known = self._Filter(context)
+        if known is None:
+            return None
+        filter_time = context.get_discrete_state(self._history).value()[0]
+        return known.predict(max(0.0, context.get_time() - filter_time), self._parameters.motion)
+
+    def _CalcPose(self, context: Context, output: AbstractValue) -> None:
+        known = self._Present(context)
+        if known is None:
+            output.set_value(RigidTransform())
+            return
+        R, p = transform_from_pose(known.pose)
+        output.set_value(RigidTransform(RotationMatrix.ProjectToRotationMatrix(R), p))
+
+    def _CalcVelocity(self, context: Context, output: BasicVector) -> None:
+        known = self._Present(context)
+        output.SetFromVector(np.zeros(6) if known is None else known.velocity)
+
+    def _CalcCovariance(self, context: Context, output: BasicVector) -> None:
+        known = self._Present(context)
+        covariance = np.full((12, 12), math.nan)
+        if known is not None:
+            # The filter's errors are seen from the target; its orientation's turn its velocity.
+            R, G = transform_from_pose(known.pose)[0], np.zeros((12, 12))
+            for k in range(4):
+                G[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = R
+            G[6:9, 3:6] = -R @ skew(known.twist[:3])
+            G[9:, 3:6] = -R @ skew(known.twist[3:])
+            covariance = G @ known.covariance @ G.T
+        output.SetFromVector(covariance.reshape(-1))
+
+    def _CalcIsKnown(self, context: Context, output: BasicVector) -> None:
+        known = self._Present(context)
+        error = math.inf
+        if known is not None:
+            error = math.sqrt(max(0.0, float(np.trace(known.covariance[:3, :3]))))
+        output.SetFromVector([float(error <= self._parameters.lost_error)])
