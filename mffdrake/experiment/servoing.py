@@ -43,9 +43,7 @@ def ConnectServo(
     latency = _KnownLatency(scenario)
     estimator: System = builder.AddNamedSystem(
         "target_motion_estimator",
-        TargetMotionEstimator(
-            parameters=servo.estimator, latency=latency, timing=scenario.timing
-        ),
+        TargetMotionEstimator(parameters=servo.estimator, latency=latency, timing=scenario.timing),
     )
     if predictor is None:
         # Without feedforward, too, the estimator has to know where the camera was.
@@ -65,7 +63,7 @@ def ConnectServo(
         builder.Connect(
             estimator.GetOutputPort("target_velocity"), predictor.GetInputPort("target_velocity")
         )
-    for name in ("pose", "pose_covariance", "frame_time", "is_tracking", "X_WM"):
+    for name in ("pose", "fitness", "pose_covariance", "frame_time", "is_tracking", "X_WM"):
         builder.Connect(recognizer.GetOutputPort(name), estimator.GetInputPort(name))
     source = estimator
     if servo.source == "truth":

@@ -13,7 +13,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from mffdrake.recognition.parameters import Count, Positive, parameters
+from mffdrake.recognition.parameters import Count, Positive, Share, parameters
 from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
 from mffdrake.recognition.pose_filter import (
     NUM_NUMBERS,
@@ -36,11 +36,15 @@ class EstimatorParameters:
 
     Attributes:
         motion: How it may move.
-        lateral_error: Standard error of a pose that is not refined, across the line of sight [m];
-        depth_error: ... and along it [m];
-        rotation_error: ... and of its rotation vector along each axis [rad].
-        refined_factor: So many times the covariance that a refined pose is given is its error's:
-            those of successive frames have part of it in common.
+        lateral_error: Standard error of a pose that is not refined across the line of sight [m],
+            times 1 - fitness;
+        depth_error: ... and along it [m], times that;
+        rotation_error: ... and of its rotation vector along each axis [rad], times that. All three
+            were measured on runs of the 1-step GA (box, 0.8 m).
+        least_unfit: 1 - fitness counts as that at least.
+        unrefined_factor: So many times that variance such an error counts as: it stays for some
+            frames.
+        refined_factor: The same for a refined pose and its own covariance.
         gate: Poses of a greater surprise (see `PoseFilter`) are left out, ...
         patience: ... but so many in a row are believed.
         lost_error: From this standard error of the predicted place on, the target is lost [m].
@@ -52,12 +56,14 @@ class EstimatorParameters:
 
     motion: PoseFilterParameters = dc.field(
         default_factory=lambda: PoseFilterParameters(
-            acceleration=0.1, angular_acceleration=0.2, adaptive=True
+            acceleration=0.1, angular_acceleration=0.2, speed=0.1, angular_speed=0.3, adaptive=True
         )
     )
-    lateral_error: Positive = 0.001
-    depth_error: Positive = 0.002
-    rotation_error: Positive = 0.01
+    lateral_error: Positive = 0.016
+    depth_error: Positive = 0.1
+    rotation_error: Positive = 0.11
+    least_unfit: Share = 0.03
+    unrefined_factor: Positive = 10.0
     refined_factor: Positive = 2.0
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 5
@@ -72,6 +78,7 @@ class TargetMotionEstimator(LeafSystem):
         name: TargetMotionEstimator
         input_ports:
         - pose
+        - fitness
         - pose_covariance
         - frame_time
         - is_tracking
@@ -91,8 +98,8 @@ class TargetMotionEstimator(LeafSystem):
     in the camera an oscillating hand would be one.
 
     Ports:
-        pose, pose_covariance, frame_time, is_tracking, X_WM: The recognizer's outputs of these
-            names. Where the covariance is NaN, that of `EstimatorParameters` serves.
+        pose, fitness, pose_covariance, frame_time, is_tracking, X_WM: The recognizer's outputs of
+            these names. Where the covariance is NaN, `EstimatorParameters` tell it of the fitness.
         X_WM: The target's estimated pose at the present time, as a RigidTransform; the world's own
             before the first pose that is to be relied on.
         target_velocity: Its linear [m/s] and angular velocity [rad/s] in the world,
@@ -111,7 +118,8 @@ class TargetMotionEstimator(LeafSystem):
         >>> estimator = TargetMotionEstimator()
         >>> context = estimator.CreateDefaultContext()
         >>> X_WM = RigidTransform([1.7, 0.0, 0.4])
-        >>> for name, value in (("pose", [0, 0, 0.8, 0, 0, 0]), ("frame_time", [0.0]),
+        >>> for name, value in (("pose", [0, 0, 0.8, 0, 0, 0]), ("fitness", [0.9]),
+        ...                     ("frame_time", [0.0]),
         ...                     ("pose_covariance", 1e-8 * np.eye(6).ravel()), ("is_tracking", [1]),
         ...                     ("X_WM", AbstractValue.Make(X_WM))):
         ...     _ = estimator.GetInputPort(name).FixValue(context, value)
@@ -136,6 +144,7 @@ class TargetMotionEstimator(LeafSystem):
 
         pose = AbstractValue.Make(RigidTransform())
         self._pose = self.DeclareVectorInputPort("pose", 6)
+        self._fitness = self.DeclareVectorInputPort("fitness", 1)
         self._pose_covariance = self.DeclareVectorInputPort("pose_covariance", 36)
         self._frame_time = self.DeclareVectorInputPort("frame_time", 1)
         self._is_tracking = self.DeclareVectorInputPort("is_tracking", 1)
@@ -208,11 +217,13 @@ class TargetMotionEstimator(LeafSystem):
         if math.isnan(C[0, 0]):
             R, r = transform_from_pose(pose)
             sight = r / max(1e-9, float(np.linalg.norm(r)))
+            unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
+            variance = p.unrefined_factor * unfit**2
             place = p.lateral_error**2 * (np.eye(3) - np.outer(sight, sight))
             place += p.depth_error**2 * np.outer(sight, sight)
             body = np.zeros((6, 6))
-            body[:3, :3] = R.T @ place @ R
-            body[3:, 3:] = p.rotation_error**2 * np.eye(3)
+            body[:3, :3] = variance * (R.T @ place @ R)
+            body[3:, 3:] = variance * p.rotation_error**2 * np.eye(3)
         else:
             body = p.refined_factor * body_covariance(pose, C)
         X_WM = self._seen.Eval(context)
