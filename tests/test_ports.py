@@ -46,13 +46,16 @@ from mffdrake.systems.frame_recorder import FrameRecorder
 from mffdrake.systems.joint_encoders import JointEncoders
 from mffdrake.systems.lens import LensDistortion
 from mffdrake.systems.models import FindModelsPath
-from mffdrake.systems.pa10 import AddCameraFrames, AddPa10, MakePa10Plant
+from mffdrake.systems.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10, MakePa10Plant
 from mffdrake.systems.pd_controller import PdController
 from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.prescribed_target import PrescribedTarget
 from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
 from mffdrake.systems.renderers import AddRenderer
 from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.target_motion_estimator import TargetMotionEstimator
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.visual_servo import VisualServoController
 
 DIRECTIVE = ".. pydrake_system::"
 FISHEYE = Camera(
@@ -146,6 +149,13 @@ SYSTEMS = {
     "PdController": lambda: PdController(kp=[1.0, 2.0], kd=[0.1, 0.2]),
     "PoseEstimateVisualizer": make_visualizer,
     "PoseRecognizer": lambda: PoseRecognizer(tracker=make_tracker()),
+    "PrescribedTarget": lambda: PrescribedTarget(
+        lambda time: RigidTransform(), lambda time: np.zeros(6)
+    ),
+    "TargetMotionEstimator": TargetMotionEstimator,
+    "VisualServoController": lambda: VisualServoController(
+        plant=MakePa10Plant(), X_CM=RigidTransform([0.0, 0.0, 0.8]), start=NOMINAL_POSITIONS
+    ),
 }
 """How to make each documented system."""
 

@@ -82,58 +82,58 @@ def MakeHandEyeDiagram(
 ) -> Diagram:
     """Builds the whole hand-eye system.
 
-        The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
-        ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
-        them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the
-        scenario has a camera latency, encoder errors, disturbances or clutter, there are a
-        ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
-        ``gaussian_noise_right`` or ``occluder_0``, too. The images are those that the recognizer gets,
-        and the port ``exposed_state`` is the state that the first camera's show.
-        The arm's default state is at rest at the path's first pose. All systems see the state of the
-        present time: the plant's ports are not sampled.
+    The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
+    ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
+    them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the
+    scenario has a camera latency, encoder errors, disturbances or clutter, there are a
+    ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
+    ``gaussian_noise_right`` or ``occluder_0``, too. Where it servoes, a ``visual_servo`` is in the
+    hand path's place, and there is a ``target_motion_estimator``. The images are those that the
+    recognizer gets, and the port ``exposed_state`` is the state that the first camera's show.
+    The arm's default state is at rest at the path's first pose. All systems see the state of the
+    present time: the plant's ports are not sampled.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: hand_eye
-            output_ports:
-            - stereo_camera.color_image_right
-            - stereo_camera.color_image_left
-            - state
-            - exposed_state
-            - desired_state
-            - actuation
-            - recognizer.pose
-            - recognizer.X_CM
-            - recognizer.fitness
-            - recognizer.population
-            - recognizer.state
-            - recognizer.confidence
-            - recognizer.is_tracking
-            - query_object
+        name: hand_eye
+        output_ports:
+        - stereo_camera.color_image_right
+        - stereo_camera.color_image_left
+        - state
+        - exposed_state
+        - desired_state
+        - actuation
+        - recognizer.pose
+        - recognizer.X_CM
+        - recognizer.fitness
+        - recognizer.population
+        - recognizer.state
+        - recognizer.confidence
+        - recognizer.is_tracking
+        - query_object
 
-        Args:
-            scenario: What to build.
-            meshcat: Where to show the scene and the estimated pose; not shown without.
-            make_tracker: Makes a pose estimator of one's own, called as
-                `TrackerParameters.make_tracker` is; the scenario's 1-step GA without.
-            prebuild_callback: Called with the builder and the parts before the diagram is built, to add
-                systems of one's own.
+    Args:
+        scenario: What to build.
+        meshcat: Where to show the scene and the estimated pose; not shown without.
+        make_tracker: Makes a pose estimator of one's own, called as
+            `TrackerParameters.make_tracker` is; the scenario's 1-step GA without.
+        prebuild_callback: Called with the builder and the parts before the diagram is built, to add
+            systems of one's own.
 
-        Returns:
-            The diagram, named ``hand_eye``.
+    Returns:
+        The diagram, named ``hand_eye``.
 
-        Raises:
-            ScenarioError: When parts of the scenario do not fit together, or the target cannot be used.
-            ArmError: When the arm's directives make no arm.
-            UnreachablePathError: When the arm cannot follow the path.
-            GraphicsUnavailableError: When this machine cannot render.
+    Raises:
+        ScenarioError: When parts of the scenario do not fit together, or the target cannot be used.
+        ArmError: When the arm's directives make no arm.
+        UnreachablePathError: When the arm cannot follow the path.
+        GraphicsUnavailableError: When this machine cannot render.
 
-        Example:
-            >>> from mffdrake.experiment.scenario import Scenario
-    from mffdrake.experiment.servoing import ConnectServo
-            >>> diagram = MakeHandEyeDiagram(Scenario(duration=1.0))
-            >>> diagram.GetSubsystemByName("recognizer").num_hypotheses
-            60
+    Example:
+        >>> from mffdrake.experiment.scenario import Scenario
+        >>> diagram = MakeHandEyeDiagram(Scenario(duration=1.0))
+        >>> diagram.GetSubsystemByName("recognizer").num_hypotheses
+        60
     """
     builder = DiagramBuilder()
     station = AddStation(builder, scenario)

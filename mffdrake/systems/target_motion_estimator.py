@@ -191,10 +191,10 @@ class TargetMotionEstimator(LeafSystem):
         filter_time, last_frame, outliers = context.get_discrete_state(self._history).value()
         (frame_time,) = self._frame_time.Eval(context)
         is_new = not math.isnan(frame_time) and frame_time != last_frame
+        seen, C = self._Measure(context)
         if not is_new or self._is_tracking.Eval(context)[0] != 1.0:
             return
         exposed = frame_time - self._latency
-        seen, C = self._Measure(context)
         known = self._Filter(context)
         if known is None or outliers >= p.patience:
             unrest = 1.0 if known is None else known.unrest
@@ -213,11 +213,11 @@ class TargetMotionEstimator(LeafSystem):
     def _Measure(self, context: Context) -> tuple[Array, Array]:
         """The recognized pose in the world and its error's covariance, as a pose vector's."""
         p, pose = self._parameters, self._pose.Eval(context)
+        unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
         C = self._pose_covariance.Eval(context).reshape(6, 6)
         if math.isnan(C[0, 0]):
             R, r = transform_from_pose(pose)
             sight = r / max(1e-9, float(np.linalg.norm(r)))
-            unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
             variance = p.unrefined_factor * unfit**2
             place = p.lateral_error**2 * (np.eye(3) - np.outer(sight, sight))
             place += p.depth_error**2 * np.outer(sight, sight)

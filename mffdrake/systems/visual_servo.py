@@ -177,9 +177,8 @@ class VisualServoController(LeafSystem):
         q, v = self._Reference(context)
         self._plant.SetPositions(self._kinematics, q)
         self._plant.SetVelocities(self._kinematics, v)
-        wanted = np.zeros(6)
-        if self._is_known.Eval(context)[0] == 1.0:
-            wanted = self._CalcCameraVelocity(context)
+        is_known = self._is_known.Eval(context)[0]  # exactly 0 or 1
+        wanted = is_known * self._CalcCameraVelocity(context)
         result = DoDifferentialInverseKinematics(
             self._plant, self._kinematics, wanted, self._frame, self._limits
         )

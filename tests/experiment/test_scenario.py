@@ -315,6 +315,7 @@ controller:
   kp: [100, 200, 30, 40, 5, 6.5, 7]
   kd: [1, 2, 3, 4, 0.5, 0.6, 0.7]
   gravity_compensation: false
+  computed_torque: true
 camera: {width: 320, height: 200, fov_y_deg: 33.3, baseline: 0.1, p_EC: [0.01, -0.1, 0.02],
   latency: 0.066}
 encoders: {noise_deg: 0.01, offset_deg: [1, 2, 3, 4, 5, 6, 7], resolution_deg: 0.02}
@@ -373,6 +374,7 @@ predictor: {mode: velocity, latency: 0.034, gain: 0.9, hand_eye_error_deg: [1, 2
 timing: {control_period: 0.002, vision_period: 0.05}
 method: ga
 renderer: vtk
+servo: follow
 duration: 12.25
 seed: 11
 """
