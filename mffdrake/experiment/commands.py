@@ -5,18 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.cluster import ClusterError, DaskCluster
 from mffdrake.experiment.colors_command import RunColors
@@ -24,8 +17,9 @@ from mffdrake.experiment.comparison import Compare, MakeVariants
 from mffdrake.experiment.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.experiment.evaluation import Evaluate, MarkdownTable, WriteResults
 from mffdrake.experiment.executors import Executor, InProcess, WorkerDiedError
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
+from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.one_run import SimulateOne, TimeBar, WriteScenario
 from mffdrake.experiment.options import GivenOptions
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
 from mffdrake.experiment.plotting import (
@@ -47,12 +41,12 @@ from mffdrake.experiment.recordings.trajectory import TrajectoryError
 from mffdrake.experiment.reproduce_command import RunReproduce
 from mffdrake.experiment.scenario import Change, LoadScenario, Scenario
 from mffdrake.experiment.scenario_docs import DescribeDefaults, MakeSchema
-from mffdrake.experiment.simulation import Simulate, SimulationResult
+from mffdrake.experiment.servo_command import RunServo, ServoDefaults
+from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.store import StoreError
 from mffdrake.experiment.sweep import OtherCodeError
 from mffdrake.experiment.sweep_command import RunSweep
 from mffdrake.experiment.track_command import RunTrack
-from mffdrake.experiment.visualization import SaveReplay
 from mffdrake.recognition import ParameterError
 from mffdrake.recognition.calibration import CalibrationError
 from mffdrake.systems.arm_joints import ArmError
@@ -112,7 +106,9 @@ def RunCommand(options: argparse.Namespace) -> int:
         _CheckFiles(options)
         scenario = _LoadScenario(options)
         folder = MakeOutputFolder(options.out)
-        command = {"run": _Run, "compare": _Compare, "record": _Record}[options.command]
+        command = {"run": _Run, "compare": _Compare, "record": _Record, "servo": RunServo}[
+            options.command
+        ]
         return command(options, scenario, folder)
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
@@ -138,7 +134,8 @@ def _CheckFiles(options: argparse.Namespace) -> None:
 
 def _LoadScenario(options: argparse.Namespace) -> Scenario:
     """The scenario's file and text, with the single options on top."""
-    scenario = LoadScenario(options.scenario_file, options.scenario_text)
+    defaults = ServoDefaults() if options.command == "servo" else None
+    scenario = LoadScenario(options.scenario_file, options.scenario_text, defaults=defaults)
     values = GivenOptions(options, "duration", "seed", "renderer", "method")
     if options.command in ("run", "record") and options.omega is not None:
         values["hand_path.omega"] = options.omega
@@ -146,12 +143,12 @@ def _LoadScenario(options: argparse.Namespace) -> Scenario:
 
 
 def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    one = _SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
+    one = SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
     diagram, result = one.diagram, one.result
     row = Evaluate(result)
     result.Save(folder / "result.npz")
     WriteResults([row], folder)
-    _WriteScenario(scenario, folder)
+    WriteScenario(scenario, folder)
     SaveFigure(PlotHandPath(result), folder / "hand_path.png")
     SaveFigure(PlotPose([result]), folder / "pose.png")
     SaveImage(DrawCameraView(diagram, scenario, result, images=one.images), folder / "camera.png")
@@ -166,81 +163,12 @@ def _Run(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
 
 
 def _Record(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    with _TimeBar(scenario.duration) as on_frame:
+    with TimeBar(scenario.duration) as on_frame:
         result = Record(scenario, folder, on_frame=on_frame)
     print(f"{len(result.time)} frames. To track them as they were tracked just now:")
     print(TrackCommand(scenario, folder))
     print(f"Recording: {folder}/")
     return 0
-
-
-@dataclass
-class _OneSimulation:
-    """A simulation, and what its cameras saw at its last frame.
-
-    Attributes:
-        diagram: The diagram.
-        result: The record.
-        images: The images of the last frame, one a camera.
-        interrupted: Whether it ended early.
-    """
-
-    diagram: Diagram
-    result: SimulationResult
-    images: list[NDArray[np.uint8]]
-    interrupted: bool
-
-
-def _SimulateOne(
-    scenario: Scenario, *, graphviz: str | None = None, replay: str | None = None
-) -> _OneSimulation:
-    """One simulation with a progress bar, drawn and recorded where that is wanted.
-
-    An interrupt ends it after the next frame; a second one at once.
-    """
-    meshcat = Meshcat() if replay else None
-    diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)
-    if graphviz:
-        SaveDiagram(diagram, graphviz)
-    if meshcat is not None:
-        meshcat.StartRecording(set_visualizations_while_recording=False)
-    names = diagram.GetSubsystemByName("recognizer").tracker.rig.names
-    ports = [diagram.GetOutputPort(f"stereo_camera.color_image_{name}") for name in names]
-    images: list[NDArray[np.uint8]] = []
-
-    last_frame = scenario.timing.NumFrames(scenario.duration) - 1
-
-    with _TimeBar(scenario.duration) as show, _Interrupt() as interrupted:
-
-        def KeepLastImages(context: Context) -> None:
-            # Late and lost images cannot be drawn again afterwards.
-            if interrupted or scenario.timing.FrameAt(context.get_time()) == last_frame:
-                images.extend(port.Eval(context).data.copy() for port in ports)
-
-        def OnFrame(simulated: float, wall: float) -> bool:
-            show(simulated, wall)
-            return bool(images)
-
-        result = Simulate(scenario, diagram=diagram, on_frame=OnFrame, on_exposure=KeepLastImages)
-    if meshcat is not None and replay is not None:
-        SaveReplay(meshcat, replay)
-    return _OneSimulation(diagram, result, images, bool(interrupted))
-
-
-@contextmanager
-def _Interrupt() -> Iterator[list[int]]:
-    """A list that an interrupt fills; a second interrupt works as ever."""
-    received: list[int] = []
-
-    def OnSignal(number: int, frame: object) -> None:
-        received.append(number)
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, OnSignal)
-    try:
-        yield received
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
@@ -273,7 +201,7 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> i
             raise
     rows = [Evaluate(result) for result in results]
     WriteResults(rows, folder, as_csv=True)
-    _WriteScenario(scenario, folder)
+    WriteScenario(scenario, folder)
     first_seed = [r for r, v in zip(results, variants, strict=True) if v.seed == scenario.seed]
     pictures: list[tuple[Callable[..., Any], Any, Path]] = [
         (PlotComparison, rows, folder / "comparison.png"),
@@ -286,7 +214,7 @@ def _Compare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> i
         pictures.append((PlotPose, chosen, folder / f"pose_{omega:g}.png"))
     _DrawAll(pictures, options.workers or 1)
     if options.replay:
-        _SimulateOne(variants[-1], replay=options.replay)
+        SimulateOne(variants[-1], replay=options.replay)
     print(MarkdownTable(rows))
     _SayWhere(folder)
     return 0
@@ -302,27 +230,8 @@ def _DrawAll(pictures: Sequence[tuple[Callable[..., Any], Any, Path]], workers: 
                 raise outcome.exception
 
 
-def _WriteScenario(scenario: Scenario, folder: Path) -> None:
-    """Writes what the results came from; it can be given as a scenario file again."""
-    with WholeFile(folder / "scenario.yaml") as part:
-        part.write_text(scenario.Dump(), encoding="utf-8")
-
-
 def _SayWhere(folder: Path) -> None:
     print(f"Results and pictures: {folder}/")
-
-
-@contextmanager
-def _TimeBar(duration: float) -> Iterator[Callable[[float, float], None]]:
-    """A bar over simulated time, with the speed."""
-    form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
-    with ProgressBar(total=duration, desc="simulated", bar_format=form) as bar:
-
-        def OnFrame(simulated: float, wall: float) -> None:
-            bar.set_postfix_str(f"{simulated / max(wall, 1e-9):.2f} x real time", refresh=False)
-            bar.update(simulated - bar.n)
-
-        yield OnFrame
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from mffdrake.experiment.parts import (
     Station,
 )
 from mffdrake.experiment.scenario import Scenario
-from mffdrake.experiment.servoing import ConnectServo
+from mffdrake.experiment.servoing import CheckReach, ConnectServo
 from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh, LoadSolid, WarnOutside
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import OneStepGaTracker, Tracker
@@ -69,6 +69,7 @@ def CheckScenario(scenario: Scenario) -> None:
     """
     arm = MakeKnownArm(scenario)
     SolvePath(arm, scenario)
+    CheckReach(scenario, arm)
     MakeController(scenario, arm)
     WarnOutside(scenario, LoadSolid(FindScenarioMesh(scenario), scenario), MakeRig(scenario))
 
@@ -158,6 +159,7 @@ def MakeHandEyeDiagram(
             estimated_state=control.estimated_state,
         )
     ConnectServo(builder, scenario, station, control, recognizer, predictor)
+    CheckReach(scenario, station.known_arm)
     WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:
         _AddView(builder, scenario, station, recognizer, meshcat)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.recovery import CalcRecovery, OutageEnd
 from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.scenario_sections import NoServo
+from mffdrake.experiment.servo_evaluation import EvaluateServo
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
 from mffdrake.recognition.parameters import kind_of
@@ -58,7 +60,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         Method, omega, seed, mean fitness, root-mean-square errors over all frames and over those
         after the first `SETTLED_AFTER` seconds (None where there are none), shares of the frames
         (see `TRACKING_SHARES`), errors of those that the tracker calls good, frames without the
-        target (see `CalcRecovery`), and times.
+        target (see `CalcRecovery`), in servoing what `EvaluateServo` tells, and times.
 
     Example:
         >>> from mffdrake.experiment.simulation import Simulate
@@ -86,6 +88,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "tracking": _TrackingShares(result),
         "rms_tracked": _RmsErrors(result, _SaysSo(result)),
         "recovery": CalcRecovery(result.time, IsRight(result), OutageEnd(scenario)),
+        **({} if isinstance(scenario.servo, NoServo) else EvaluateServo(result, scenario)),
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
         "stages_ms": result.stages_ms,

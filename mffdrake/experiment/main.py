@@ -71,11 +71,20 @@ def _MakeParser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         dest="command",
         required=True,
-        metavar="run|compare|sweep|reproduce|track|colors|record|defaults|schema",
+        metavar="run|servo|compare|sweep|reproduce|track|colors|record|defaults|schema",
     )
     run = commands.add_parser("run", parents=pictures, help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
     run.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
+    servo = commands.add_parser(
+        "servo", parents=pictures, help="one simulation in which the hand follows the target",
+        description="The target moves, and the hand follows it by what its cameras see.",
+    )  # fmt: skip
+    add = servo.add_argument
+    add("--method", metavar="ga|mff", help="without or with motion feedforward")
+    add("--period", metavar="S", type=_Positive(float), help="of the target's swing [s]")
+    add("--amplitude", metavar="M", type=_Positive(float), help="of its swing along y [m]")
+    add("--meshcat", action="store_true", help="show it in Meshcat as it happens")
     compare = commands.add_parser(
         "compare", parents=pictures, help="methods x speeds x seeds, with a table"
     )

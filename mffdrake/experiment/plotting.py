@@ -26,6 +26,7 @@ __all__ = [
     "PlotToFile",
     "PlotTrack",
     "SaveFigure",
+    "SixPanels",
 ]
 
 _COORDINATES = (
@@ -58,7 +59,8 @@ def SaveFigure(figure: Figure, path: Path | str) -> None:
         figure.savefig(part, dpi=120)
 
 
-def _SixPanels(title: str) -> tuple[Figure, list[Axes]]:
+def SixPanels(title: str) -> tuple[Figure, list[Axes]]:
+    """A figure with a panel over time for each of a pose's coordinates."""
     figure, axes = _Figure(2, 3, (12.0, 5.5))
     for axis, (label, _) in zip(axes.flat, _COORDINATES, strict=True):
         axis.set_ylabel(label)
@@ -81,7 +83,7 @@ def PlotHandPath(result: SimulationResult) -> Figure:
         The figure: six panels over time.
     """
     omega = LoadScenario(text=result.scenario).hand_path.omega
-    figure, axes = _SixPanels(f"Hand pose in the first hand frame, omega = {omega:g} rad/s")
+    figure, axes = SixPanels(f"Hand pose in the first hand frame, omega = {omega:g} rad/s")
     for k, (axis, (_, scale)) in enumerate(zip(axes, _COORDINATES, strict=True)):
         axis.plot(result.time, scale * result.actual_hand_pose[:, k], "tab:blue", label="actual")
         axis.plot(result.time, scale * result.desired_hand_pose[:, k], "k--", lw=1, label="desired")
@@ -225,7 +227,7 @@ def PlotTrack(
         poses: Pose vectors ``(r [m], eps)`` in the rig's frame, shape (K, 6).
         fitness: Their fitness, shape (K,).
     """
-    figure, axes = _SixPanels(f"Recognized pose; mean fitness {fitness.mean():.3f}")
+    figure, axes = SixPanels(f"Recognized pose; mean fitness {fitness.mean():.3f}")
     for k, (axis, (_, scale)) in enumerate(zip(axes, _COORDINATES, strict=True)):
         axis.plot(times, scale * poses[:, k], color="tab:blue", linewidth=1.0)
     return figure

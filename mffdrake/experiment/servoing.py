@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from typing import Any
 
-from pydrake.systems.framework import DiagramBuilder, System
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.control import Control
+from mffdrake.experiment.desired_hand import MakeDesiredHand
 from mffdrake.experiment.parts import Station
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.scenario_sections import ServoConfig
+from mffdrake.systems.inverse_kinematics import ArmKinematics, UnreachablePathError
 from mffdrake.systems.predictor import MffPredictor
 from mffdrake.systems.prescribed_target import PrescribedTarget
 from mffdrake.systems.recognizer import PoseRecognizer
 from mffdrake.systems.target_motion_estimator import TargetMotionEstimator
 
-__all__ = ["ConnectServo"]
+__all__ = ["CheckReach", "ConnectServo", "OutOfReach"]
+
+_log = logging.getLogger("mffdrake")
+
+_STUCK_FOR = 1.0  # [s] so long that it will not go on
+_REACH_STEP = 0.1  # [s]
 
 
 def ConnectServo(
@@ -73,6 +84,72 @@ def ConnectServo(
         )
     for name in ("X_WM", "target_velocity", "is_known"):
         builder.Connect(source.GetOutputPort(name), control.reference.GetInputPort(name))
+
+
+class OutOfReach:
+    """Finds out whether the arm can follow no longer.
+
+    Args:
+        diagram: A hand-eye diagram; where it does not servo, it is always in reach.
+
+    Attributes:
+        message: What to tell the person; empty while the arm is in reach.
+    """
+
+    def __init__(self, diagram: Diagram) -> None:
+        self._servo: System | None = None
+        if diagram.HasSubsystemNamed("visual_servo"):
+            self._servo = diagram.GetSubsystemByName("visual_servo")
+        self._is_stuck, self._since = False, math.inf
+        self.message = ""
+
+    def Look(self, context: Context) -> None:
+        """Looks at the diagram's context at a frame."""
+        if self._servo is not None:
+            own = self._servo.GetMyContextFromRoot(context)
+            self._is_stuck = self._servo.GetOutputPort("is_stuck").Eval(own)[0] == 1.0
+
+    def IsLeft(self, time: float) -> bool:
+        """Whether it has been stuck for long, at a time [s]."""
+        self._since = min(self._since, time) if self._is_stuck else math.inf
+        if time - self._since >= _STUCK_FOR:
+            self.message = (
+                f"the target left the arm's reach at {self._since:.2f} s: limits of its joints or "
+                "a singular pose keep it from following; reduce target.motion, or move "
+                "target.X_WM or hand_path.X_WE0"
+            )
+        return bool(self.message)
+
+
+def CheckReach(scenario: Scenario, arm: MultibodyPlant) -> None:
+    """Finds out beforehand where the arm cannot follow the target, as far as its path is known.
+
+    Args:
+        scenario: The scenario; only one that servoes counts.
+        arm: The arm alone.
+
+    Raises:
+        UnreachablePathError: When it cannot right at the start. A later time is a warning, for
+            results until then are worth having.
+    """
+    if not isinstance(scenario.servo, ServoConfig):
+        return
+    CalcHandPose = MakeDesiredHand(scenario)
+    kinematics = ArmKinematics(
+        arm,
+        frame_name=scenario.arm.hand_frame,
+        model_instance=arm.GetModelInstanceByName(scenario.arm.model),
+        nominal=scenario.arm.nominal_positions,
+        held_joints=scenario.arm.held_joints,
+    )
+    q = kinematics.SolveStart(CalcHandPose(0.0))
+    for time in np.arange(0.0, scenario.duration, _REACH_STEP)[1:]:
+        q = kinematics.SolvePose(CalcHandPose(time), q)
+        try:
+            kinematics.CheckPose(q, CalcHandPose(time), time)
+        except UnreachablePathError as error:
+            _log.warning("the hand cannot follow the target for the whole time: %s", error)
+            return
 
 
 def _KnownLatency(scenario: Scenario) -> float:

@@ -56,7 +56,11 @@ class EstimatorParameters:
 
     motion: PoseFilterParameters = dc.field(
         default_factory=lambda: PoseFilterParameters(
-            acceleration=0.1, angular_acceleration=0.2, speed=0.1, angular_speed=0.3, adaptive=True
+            acceleration=0.05,
+            angular_acceleration=0.05,
+            speed=0.1,
+            angular_speed=0.3,
+            adaptive=True,
         )
     )
     lateral_error: Positive = 0.016
