@@ -71,7 +71,7 @@ class EstimatorParameters:
     refined_factor: Positive = 2.0
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 5
-    lost_error: Positive = 0.1
+    lost_error: Positive = 0.2
 
 
 class TargetMotionEstimator(LeafSystem):
