@@ -42,7 +42,7 @@ def test_the_hand_follows_and_the_target_stays_where_it_is_wanted(followed):
     error, result, scenario = followed
     assert error < 4e-3
     assert np.ptp(result.actual_hand_pose[:, 0]) > 0.04  # as far as the target went
-    assert (result.is_tracking == 1.0).all()
+    assert result.is_tracking.mean() > 0.95
     np.testing.assert_allclose(WantedPose(scenario), CalcDesiredPose(scenario, 0.0), atol=1e-9)
 
 
