@@ -30,6 +30,7 @@ _MODULES = {
     "experiment.report": "Reproduce WriteReport",
     "experiment.reproduction": "Reproduction RunPlan Summarize",
     "experiment.scenario": "Change LoadScenario Scenario ScenarioError",
+    "experiment.servo_evaluation": "EvaluateServo",
     "experiment.simulation": "Simulate SimulationResult",
     "experiment.studies": "MakeStudies PLAIN_GA",
     "experiment.study": "PlanRuns Study Variant",
@@ -59,13 +60,17 @@ _MODULES = {
     "systems.joint_encoders": "JointEncoders",
     "systems.models": "ConfigureParser FindModelsPath",
     "systems.pa10": "AddPa10 MakePa10Plant",
-    "systems.pd_controller": "AddGravityCompensation PdController",
+    "systems.pd_controller": "AddComputedTorque AddGravityCompensation PdController",
     "systems.pd_gains": "PD_GAINS NaturalFrequency PdGains",
     "systems.predictor": "MffPredictor",
+    "systems.prescribed_target": "PrescribedTarget",
     "systems.recognizer": "OneStepGaRecognizer PoseRecognizer",
     "systems.renderers": "AddRenderer",
     "systems.stereo_camera": "AddStereoCamera",
+    "systems.target_motion": "AtRest Sinusoids Step Straight Waypoint Waypoints",
+    "systems.target_motion_estimator": "EstimatorParameters TargetMotionEstimator",
     "systems.timing": "Timing",
+    "systems.visual_servo": "ServoParameters VisualServoController",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
