@@ -180,18 +180,19 @@ class RobustTracker:
     def _is_elsewhere(self, seen: Seen, generation: Generation) -> bool:
         """Whether a pose in an image seen before is not where the target should be by now.
 
-        A target that turns back may look the same at two frames, and where it was not expected.
+        It should be where its motion has it; or where it was last seen, believed or not. A target
+        that turns back may look the same at two frames, and where it was not expected.
         """
         assert generation.motion is not None
-        motion = generation.motion
-        expected, C = motion.pose, body_covariance(seen.pose, seen.refined.covariance)
+        motion, C = generation.motion, body_covariance(seen.pose, seen.refined.covariance)
         apart = max(_STALE[0], 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
         turned = max(_STALE[1], 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
         apart += _TURNING * motion.unrest * self.motion.acceleration
         turned += _TURNING * motion.unrest * self.motion.angular_acceleration
-        return bool(
-            np.linalg.norm(seen.pose[:3] - expected[:3]) > apart
-            or rotation_angle(seen.pose[3:], expected[3:]) > turned
+        return all(
+            np.linalg.norm(seen.pose[:3] - pose[:3]) > apart
+            or rotation_angle(seen.pose[3:], pose[3:]) > turned
+            for pose in (motion.pose, generation.best)
         )
 
     def _moved(self, generation: Generation) -> Generation:

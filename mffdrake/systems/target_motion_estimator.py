@@ -51,7 +51,7 @@ class EstimatorParameters:
 
     Example:
         >>> EstimatorParameters(gate=30.0).patience
-        5
+        2
     """
 
     motion: PoseFilterParameters = dc.field(
@@ -70,7 +70,7 @@ class EstimatorParameters:
     unrefined_factor: Positive = 10.0
     refined_factor: Positive = 2.0
     gate: Annotated[float, Ge(1)] = 25.0
-    patience: Count = 5
+    patience: Count = 2
     lost_error: Positive = 0.2
 
 

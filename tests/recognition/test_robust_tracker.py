@@ -208,6 +208,18 @@ def test_a_target_that_turns_back_looks_the_same_twice_and_is_tracked(tracker):
         assert is_right(generation, psi), k
 
 
+def test_a_jump_is_believed_at_the_second_frame_though_all_is_at_rest_again(tracker, found):
+    """Without noise, the images of a target at rest are the same, as those of a frozen camera."""
+    generation, still, jumped = found, see(ASKEW), see(moving(0))
+    for k in range(1, 10):
+        generation = tracker.track(generation, still, frame=k)
+    generation = tracker.track(generation, jumped, frame=10)
+    assert not generation.is_tracking
+    for k in range(11, 14):
+        generation = tracker.track(generation, jumped, frame=k)
+        assert generation.is_tracking and is_right(generation, moving(0))
+
+
 # Not seen
 
 
