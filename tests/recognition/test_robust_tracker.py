@@ -217,7 +217,7 @@ def test_a_jump_is_believed_at_the_second_frame_though_all_is_at_rest_again(trac
     assert not generation.is_tracking
     for k in range(11, 14):
         generation = tracker.track(generation, jumped, frame=k)
-        assert generation.is_tracking and is_right(generation, moving(0))
+        assert generation.state == TrackingState.TRACKING and is_right(generation, moving(0))
 
 
 # Not seen
