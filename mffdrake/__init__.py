@@ -30,18 +30,19 @@ _MODULES = {
     "experiment.report": "Reproduce WriteReport",
     "experiment.reproduction": "Reproduction RunPlan Summarize",
     "experiment.scenario": "Change LoadScenario Scenario ScenarioError",
-    "experiment.servo_evaluation": "EvaluateServo",
+    "experiment.servo_evaluation": "CalcHandErrors EvaluateServo",
     "experiment.simulation": "Simulate SimulationResult",
     "experiment.studies": "MakeStudies PLAIN_GA",
     "experiment.study": "PlanRuns Study Variant",
     "experiment.sweep": "Sweep",
     "experiment.visualization": "AddMeshcat PoseEstimateVisualizer SaveReplay",
     "recognition": (
-        "AdaptiveWhiteBalance BorderRefiner Camera CameraRig ColorModel ColoredStart Distortion "
-        "Estimate FaceColor GeneCoding Generation GeneticParameters LocalMoveParameters Matcher "
-        "MatchingParameters NearStart OneStepGaTracker PoseSearch PoseTracker RandomStart "
-        "RefinementParameters SamplingParameters SearchModel SearchParameters SearchRange "
-        "SolidModel Tracker TrackerParameters"
+        "AcquisitionParameters AdaptiveWhiteBalance BorderRefiner Camera CameraRig ColorModel "
+        "ColoredStart Distortion Estimate FaceColor GeneCoding Generation GeneticParameters "
+        "LocalMoveParameters Matcher MatchingParameters NearStart OneStepGaTracker PoseSearch "
+        "PoseTracker RandomStart RefinementParameters RobustTracker SamplingParameters "
+        "SearchModel SearchParameters SearchRange SolidModel Tracker TrackerParameters "
+        "TrackingState"
     ),
     "recognition.calibration": "CalibrationError read_camera",
     "recognition.pose": "pose_from_transform transform_from_pose",

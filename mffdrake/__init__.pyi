@@ -44,6 +44,7 @@ from mffdrake.experiment.scenario import Change as Change
 from mffdrake.experiment.scenario import LoadScenario as LoadScenario
 from mffdrake.experiment.scenario import Scenario as Scenario
 from mffdrake.experiment.scenario import ScenarioError as ScenarioError
+from mffdrake.experiment.servo_evaluation import CalcHandErrors as CalcHandErrors
 from mffdrake.experiment.servo_evaluation import EvaluateServo as EvaluateServo
 from mffdrake.experiment.simulation import Simulate as Simulate
 from mffdrake.experiment.simulation import SimulationResult as SimulationResult
@@ -56,6 +57,7 @@ from mffdrake.experiment.sweep import Sweep as Sweep
 from mffdrake.experiment.visualization import AddMeshcat as AddMeshcat
 from mffdrake.experiment.visualization import PoseEstimateVisualizer as PoseEstimateVisualizer
 from mffdrake.experiment.visualization import SaveReplay as SaveReplay
+from mffdrake.recognition import AcquisitionParameters as AcquisitionParameters
 from mffdrake.recognition import AdaptiveWhiteBalance as AdaptiveWhiteBalance
 from mffdrake.recognition import BorderRefiner as BorderRefiner
 from mffdrake.recognition import Camera as Camera
@@ -77,6 +79,7 @@ from mffdrake.recognition import PoseSearch as PoseSearch
 from mffdrake.recognition import PoseTracker as PoseTracker
 from mffdrake.recognition import RandomStart as RandomStart
 from mffdrake.recognition import RefinementParameters as RefinementParameters
+from mffdrake.recognition import RobustTracker as RobustTracker
 from mffdrake.recognition import SamplingParameters as SamplingParameters
 from mffdrake.recognition import SearchModel as SearchModel
 from mffdrake.recognition import SearchParameters as SearchParameters
@@ -84,6 +87,7 @@ from mffdrake.recognition import SearchRange as SearchRange
 from mffdrake.recognition import SolidModel as SolidModel
 from mffdrake.recognition import Tracker as Tracker
 from mffdrake.recognition import TrackerParameters as TrackerParameters
+from mffdrake.recognition import TrackingState as TrackingState
 from mffdrake.recognition.calibration import CalibrationError as CalibrationError
 from mffdrake.recognition.calibration import read_camera as read_camera
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
