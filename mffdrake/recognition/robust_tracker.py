@@ -38,7 +38,8 @@ _LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
 _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
 _SELDOM = 4  # Every so many frames it searches beside what it relies on.
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
-_STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now is no farther off than this.
+_STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now may be so far off, ...
+_STALEST = (0.003, np.radians(0.6))  # ... and this far where the target is restless.
 _TURNING = 7.0  # standard deviations, of three axes together, of a change of velocity in a frame
 _UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
 _DOUBT = 0.5  # times its confidence is that of a pose where it was not expected.
@@ -189,6 +190,7 @@ class RobustTracker:
         turned = max(_STALE[1], 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
         apart += _TURNING * motion.unrest * self.motion.acceleration
         turned += _TURNING * motion.unrest * self.motion.angular_acceleration
+        apart, turned = min(apart, _STALEST[0]), min(turned, _STALEST[1])
         return all(
             np.linalg.norm(seen.pose[:3] - pose[:3]) > apart
             or rotation_angle(seen.pose[3:], pose[3:]) > turned

@@ -35,7 +35,9 @@ class EstimatorParameters:
     """How a target may move, and how much a pose says of it.
 
     Attributes:
-        motion: How it may move.
+        motion: How it may move, as far as refined poses tell.
+        unrefined_motion: The same for poses that are not refined: calmer, and always so, lest their
+            errors pass for motion.
         lateral_error: Standard error of a pose that is not refined across the line of sight [m],
             times 1 - fitness;
         depth_error: ... and along it [m], times that;
@@ -63,11 +65,16 @@ class EstimatorParameters:
             adaptive=True,
         )
     )
+    unrefined_motion: PoseFilterParameters = dc.field(
+        default_factory=lambda: PoseFilterParameters(
+            acceleration=0.03, angular_acceleration=0.03, speed=0.1, angular_speed=0.3
+        )
+    )
     lateral_error: Positive = 0.016
     depth_error: Positive = 0.1
     rotation_error: Positive = 0.11
     least_unfit: Share = 0.03
-    unrefined_factor: Positive = 10.0
+    unrefined_factor: Positive = 40.0
     refined_factor: Positive = 2.0
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 2
@@ -155,8 +162,9 @@ class TargetMotionEstimator(LeafSystem):
         self._seen = self.DeclareAbstractInputPort("X_WM", pose)
 
         self._filter = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
-        # The filter's time, that of the last frame that it was told of [s], and outliers in a row
-        self._history = self.DeclareDiscreteState([math.nan, math.nan, 0.0])
+        # The filter's time, that of the last frame that it was told of [s], outliers in a row, and
+        # whether that frame's pose was refined
+        self._history = self.DeclareDiscreteState([math.nan, math.nan, 0.0, 1.0])
 
         from_filter = {
             self.time_ticket(),
@@ -192,27 +200,31 @@ class TargetMotionEstimator(LeafSystem):
 
     def _Update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
-        filter_time, last_frame, outliers = context.get_discrete_state(self._history).value()
+        filter_time, last_frame, outliers, _ = context.get_discrete_state(self._history).value()
         (frame_time,) = self._frame_time.Eval(context)
         is_new = not math.isnan(frame_time) and frame_time != last_frame
         seen, C = self._Measure(context)
         if not is_new or self._is_tracking.Eval(context)[0] != 1.0:
             return
         exposed = frame_time - self._latency
+        is_refined = not math.isnan(self._pose_covariance.Eval(context)[0])
+        motion = p.motion if is_refined else p.unrefined_motion
         known = self._Filter(context)
         if known is None or outliers >= p.patience:
             unrest = 1.0 if known is None else known.unrest
-            known = dc.replace(PoseFilter.of(seen, C, p.motion), unrest=unrest)
+            known = dc.replace(PoseFilter.of(seen, C, motion), unrest=unrest)
             outliers = 0
         else:
-            predicted = known.predict(max(0.0, exposed - filter_time), p.motion)
+            predicted = known.predict(max(0.0, exposed - filter_time), motion)
             updated = predicted.update(seen, C)
             if updated.surprise <= p.gate:
                 known, outliers = updated, 0
             else:
                 known, outliers = predicted.surprised(seen, C), outliers + 1
         discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
-        discrete_state.set_value(self._history, [exposed, frame_time, outliers])
+        discrete_state.set_value(
+            self._history, [exposed, frame_time, outliers, float(is_refined)]
+        )
 
     def _Measure(self, context: Context) -> tuple[Array, Array]:
         """The recognized pose in the world and its error's covariance, as a pose vector's."""
@@ -243,8 +255,10 @@ class TargetMotionEstimator(LeafSystem):
         known = self._Filter(context)
         if known is None:
             return None
-        filter_time = context.get_discrete_state(self._history).value()[0]
-        return known.predict(max(0.0, context.get_time() - filter_time), self._parameters.motion)
+        p = self._parameters
+        filter_time, _, _, is_refined = context.get_discrete_state(self._history).value()
+        motion = p.motion if is_refined else p.unrefined_motion
+        return known.predict(max(0.0, context.get_time() - filter_time), motion)
 
     def _CalcPose(self, context: Context, output: AbstractValue) -> None:
         known = self._Present(context)
