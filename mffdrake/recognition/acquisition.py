@@ -80,8 +80,8 @@ class AcquisitionParameters:
     lost: Share = 0.35
     sure: Share = 0.70
     margin: Share = 0.05
-    believe: Share = 0.97
-    keep: Share = 0.95
+    believe: Share = 0.98
+    keep: Share = 0.97
     patience: Count = 30
     least_rows: Count = 30
     tolerance: Annotated[float, Ge(0.1)] = 1.0
