@@ -222,9 +222,7 @@ class TargetMotionEstimator(LeafSystem):
             else:
                 known, outliers = predicted.surprised(seen, C), outliers + 1
         discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
-        discrete_state.set_value(
-            self._history, [exposed, frame_time, outliers, float(is_refined)]
-        )
+        discrete_state.set_value(self._history, [exposed, frame_time, outliers, float(is_refined)])
 
     def _Measure(self, context: Context) -> tuple[Array, Array]:
         """The recognized pose in the world and its error's covariance, as a pose vector's."""
