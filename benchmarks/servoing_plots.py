@@ -42,9 +42,9 @@ def bode(curves: Mapping[str, Sequence[tuple[float, float, float]]]) -> Figure:
 
 
 def stability(
-    found: Mapping[tuple[str, float, float], tuple[float, float]],
+    found: Mapping[tuple[str, float | str, float], tuple[float, float]],
     methods: Sequence[str],
-    dampings: Sequence[float],
+    dampings: Sequence[float | str],
     gains: Sequence[float],
 ) -> Figure:
     """The hand's error over damping and gain; black where it does not follow."""
@@ -61,7 +61,7 @@ def stability(
                 text = "lost" if np.isnan(grid[i, j]) else f"{grid[i, j]:.0f}"
                 axis.text(j, i, text, ha="center", va="center", color="white")
         axis.set_xticks(range(len(gains)), [f"{g:g}" for g in gains])
-        axis.set_yticks(range(len(dampings)), [f"{d:g}" for d in dampings])
+        axis.set_yticks(range(len(dampings)), [str(d) for d in dampings])
         axis.set_xlabel("servo gain [1/s]")
         axis.set_title(method)
     figure.axes[0].set_ylabel("arm's damping ratio")
