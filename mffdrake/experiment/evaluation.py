@@ -21,7 +21,7 @@ from mffdrake.experiment.servo_evaluation import EvaluateServo
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
 from mffdrake.recognition.parameters import kind_of
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.pose import pose_errors, rotation_angle
 
 __all__ = [
     "RMS_ERRORS",
@@ -121,9 +121,8 @@ def IsRight(result: SimulationResult) -> NDArray[np.bool_]:
     Args:
         result: A simulation's record.
     """
-    true, recognized = result.true_pose, result.recognized_pose
-    near = np.linalg.norm(recognized[:, :3] - true[:, :3], axis=1) <= RIGHT_POSITION
-    return near & (rotation_angle(true[:, 3:], recognized[:, 3:]) <= RIGHT_ROTATION)
+    distances, angles = pose_errors(result.true_pose, result.recognized_pose)
+    return (distances <= RIGHT_POSITION) & (angles <= RIGHT_ROTATION)
 
 
 def _SaysSo(result: SimulationResult) -> NDArray[np.bool_]:

@@ -66,7 +66,7 @@ class Scenario:
         clutter: What moves in the scene beside the target.
         encoders: The joint encoders.
         target: The object to recognize.
-        servo: Whether the hand follows the target by what it sees: none, or ``!Servo {...}``; then
+        servo: Whether the hand follows the target by what it sees: none, or ``!Follow {...}``; then
             only its path's first pose counts.
         recognizer: The recognizer.
         predictor: The motion feedforward.

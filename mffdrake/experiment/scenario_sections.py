@@ -186,4 +186,4 @@ class PredictorConfig:
 
 
 Servo: TypeAlias = Annotated[NoServo | ServoConfig, OneOf()]
-"""A parameter that says whether the hand follows the target: ``none`` or ``!Servo {...}``."""
+"""A parameter that says whether the hand follows the target: ``none`` or ``!Follow {...}``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses as dc
 import logging
 import sys
 from pathlib import Path
@@ -11,14 +12,12 @@ from typing import Any
 from pydrake.geometry import Meshcat
 
 from mffdrake.experiment.evaluation import Evaluate, WriteResults
-from mffdrake.experiment.files import MakeOutputFolder
 from mffdrake.experiment.one_run import SimulateOne, WriteScenario
 from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveImage
 from mffdrake.experiment.plotting import SaveFigure
 from mffdrake.experiment.scenario import Change, Scenario
 from mffdrake.experiment.scenario_sections import NoServo
 from mffdrake.experiment.servo_plots import PlotFollowing, PlotHandError, PlotSpace
-from mffdrake.recognition.parameters import plain
 from mffdrake.systems.target_motion import AtRest, Sinusoids
 
 __all__ = ["RunServo", "ServoDefaults"]
@@ -55,7 +54,6 @@ def RunServo(options: argparse.Namespace, scenario: Scenario, folder: Path) -> i
         ScenarioError: When an option does not fit the target's motion.
     """
     scenario = _WithOptions(options, scenario)
-    MakeOutputFolder(folder)
     meshcat = Meshcat() if options.meshcat else None
     if meshcat is not None:
         print(f"Meshcat: {meshcat.web_url()}", flush=True)
@@ -82,26 +80,19 @@ def RunServo(options: argparse.Namespace, scenario: Scenario, folder: Path) -> i
 
 def _WithOptions(options: argparse.Namespace, scenario: Scenario) -> Scenario:
     """With what --period and --amplitude say of the motion, and servoing in any case."""
-    values: dict[str, Any] = {}
-    if isinstance(scenario.servo, NoServo):
-        values["servo"] = plain(ServoDefaults())["servo"]
-    motion = scenario.target.motion
-    if isinstance(motion, AtRest) and (options.period or options.amplitude):
-        values["target.motion"] = "sinusoids"
-    scenario = Change(scenario, values)
-    values = {}
-    if options.period is not None:
-        values["target.motion.period"] = [options.period]
-    if options.amplitude is not None:
-        values["target.motion.amplitude"] = [0.0, options.amplitude, 0.0]
-    if values and not isinstance(scenario.target.motion, Sinusoids):
-        _log.warning("--period and --amplitude make the target's motion sinusoids")
-        values["target.motion"] = {
-            "_tag": "!Sinusoids",
-            **{key.removeprefix("target.motion."): value for key, value in values.items()},
-        }
-        values = {"target.motion": values["target.motion"]}
-    return Change(scenario, values)
+    servo, motion = scenario.servo, scenario.target.motion
+    if isinstance(servo, NoServo):
+        servo = ServoDefaults().servo
+    if options.period or options.amplitude:
+        if not isinstance(motion, Sinusoids):
+            if not isinstance(motion, AtRest):
+                _log.warning("--period and --amplitude make the target's motion sinusoids")
+            motion = Sinusoids()
+        if options.period:
+            motion = dc.replace(motion, period=(options.period,))
+        if options.amplitude:
+            motion = dc.replace(motion, amplitude=(0.0, options.amplitude, 0.0))
+    return dc.replace(scenario, servo=servo, target=dc.replace(scenario.target, motion=motion))
 
 
 def _Describe(row: dict[str, Any]) -> str:

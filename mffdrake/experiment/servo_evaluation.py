@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.target import CalcWantedPose
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.pose import pose_errors, pose_from_transform
 
 __all__ = ["CalcHandErrors", "EvaluateServo", "FindLoss", "WantedPose"]
 
@@ -37,9 +37,7 @@ def CalcHandErrors(result: SimulationResult, scenario: Scenario) -> tuple[Array,
     Returns:
         Distances [m] and angles [rad], each of shape (K,).
     """
-    wanted, true = WantedPose(scenario), result.true_pose
-    distances = np.linalg.norm(true[:, :3] - wanted[:3], axis=1)
-    return distances, rotation_angle(true[:, 3:], np.broadcast_to(wanted[3:], (len(true), 3)))
+    return pose_errors(result.true_pose, WantedPose(scenario))
 
 
 def FindLoss(result: SimulationResult) -> float | None:
@@ -51,9 +49,8 @@ def FindLoss(result: SimulationResult) -> float | None:
     Returns:
         When that began first; None where it never did.
     """
-    true, recognized = result.true_pose, result.recognized_pose
-    off = np.linalg.norm(true[:, :3] - recognized[:, :3], axis=1) > _LOST[0]
-    off |= rotation_angle(true[:, 3:], recognized[:, 3:]) > _LOST[1]
+    distances, angles = pose_errors(result.true_pose, result.recognized_pose)
+    off = (distances > _LOST[0]) | (angles > _LOST[1])
     since: float | None = None
     for time, is_off in zip(result.time.tolist(), off.tolist(), strict=True):
         if not is_off:

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.plotting import SixPanels
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.servo_evaluation import CalcHandErrors, WantedPose
 from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.pose import pose_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +30,8 @@ def PlotFollowing(result: SimulationResult) -> Figure:
     """
     scenario = LoadScenario(text=result.scenario)
     figure, axes = SixPanels(
-        f"Target's pose in the {_Camera(scenario)} camera, method {scenario.method}, "
-        f"seed {scenario.seed}"
+        f"Target's pose in the {MakeMounts(scenario)[0].camera.name} camera, "
+        f"method {scenario.method}, seed {scenario.seed}"
     )
     wanted = WantedPose(scenario)
     for k, axis in enumerate(axes):
@@ -62,9 +63,7 @@ def PlotHandError(result: SimulationResult) -> Figure:
 
     scenario = LoadScenario(text=result.scenario)
     distances, angles = CalcHandErrors(result, scenario)
-    true, recognized = result.true_pose, result.recognized_pose
-    off = np.linalg.norm(true[:, :3] - recognized[:, :3], axis=1)
-    turned = rotation_angle(true[:, 3:], recognized[:, 3:])
+    off, turned = pose_errors(result.true_pose, result.recognized_pose)
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     for axis, hand, seen, label in (
@@ -108,10 +107,3 @@ def PlotSpace(result: SimulationResult) -> Figure:
     axis.legend()
     figure.suptitle("Hand in its first frame: from above (left) and from behind (right)")
     return figure
-
-
-def _Camera(scenario: object) -> str:
-    """The first camera's name."""
-    from mffdrake.experiment.cameras import MakeMounts
-
-    return MakeMounts(scenario)[0].camera.name  # type: ignore[arg-type]

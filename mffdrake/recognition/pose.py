@@ -213,3 +213,23 @@ def rotation_angle(eps_a: ArrayLike, eps_b: ArrayLike) -> Array:
     one = np.sqrt((a0 - b0) ** 2 + np.einsum("...i,...i", less, less))
     other = np.sqrt((a0 + b0) ** 2 + np.einsum("...i,...i", more, more))
     return np.asarray(4.0 * np.arctan2(np.minimum(one, other), np.maximum(one, other)))
+
+
+def pose_errors(psi: ArrayLike, other: ArrayLike) -> tuple[Array, Array]:
+    """How far poses are apart: the rotation's and the position's share of Eq. (28).
+
+    Args:
+        psi: Pose vectors ``(r [m], eps)``, shape (..., 6).
+        other: Pose vectors, broadcast against them.
+
+    Returns:
+        Distances [m] and angles [rad], each of shape (...).
+
+    Example:
+        >>> distance, angle = pose_errors([0, 0, 0.8, 0, 0, 0], [0.003, 0, 0.8, np.sin(0.1), 0, 0])
+        >>> round(float(distance), 6), round(float(angle), 6)
+        (0.003, 0.2)
+    """
+    a, b = np.asarray(psi, dtype=float), np.asarray(other, dtype=float)
+    distances = np.linalg.norm(a[..., :3] - b[..., :3], axis=-1)
+    return np.asarray(distances), rotation_angle(a[..., 3:], b[..., 3:])
