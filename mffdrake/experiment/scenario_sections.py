@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -128,11 +129,15 @@ class TargetConfig:
 
     def CalcPose(self, time: float) -> RigidTransform:
         """The target's pose X_WM at a time [s]."""
-        return self.motion.CalcPose(self.X_WM.GetDeterministicValue(), time)
+        return self.motion.CalcPose(self._X_WM0, time)
 
     def CalcVelocity(self, time: float) -> NDArray[np.float64]:
         """Its velocity (v_WM, w_WM) [m/s, rad/s] at a time [s], shape (6,)."""
-        return self.motion.CalcVelocity(self.X_WM.GetDeterministicValue(), time)
+        return self.motion.CalcVelocity(self._X_WM0, time)
+
+    @cached_property
+    def _X_WM0(self) -> RigidTransform:
+        return self.X_WM.GetDeterministicValue()
 
 
 @parameters

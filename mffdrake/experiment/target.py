@@ -22,6 +22,7 @@ from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.clutter.moving_shapes import MovingShapes
 from mffdrake.systems.models import ConfigureParser
+from mffdrake.systems.target_motion import AtRest
 
 __all__ = [
     "AddTarget",
@@ -61,7 +62,11 @@ class Target:
     ) -> None:
         """Adds what tells a scene where the target was a latency [s] ago, as is prescribed."""
         motion = scenario.target
-        poser = MovingShapes([self.frame], lambda time: [motion.CalcPose(time - latency)])
+        poser = MovingShapes(
+            [self.frame],
+            lambda time: [motion.CalcPose(time - latency)],
+            still=isinstance(motion.motion, AtRest),
+        )
         builder.AddNamedSystem(name, poser)
         builder.Connect(poser.get_output_port(), scene_graph.get_source_pose_port(self.source))
 

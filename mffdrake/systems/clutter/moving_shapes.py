@@ -59,6 +59,7 @@ class MovingShapes(LeafSystem):
     Args:
         frames: The frames that are registered with the scene.
         poses: Their poses X_WG at a time [s], in the same order.
+        still: Whether they are the same at all times: a plant's scene asks for them in every step.
 
     Example:
         >>> still = MovingShapes([FrameId.get_new_id()], lambda t: [RigidTransform()])
@@ -70,6 +71,8 @@ class MovingShapes(LeafSystem):
         self,
         frames: Sequence[FrameId],
         poses: Callable[[float], Sequence[RigidTransform]],
+        *,
+        still: bool = False,
     ) -> None:
         super().__init__()
         self._frames = list(frames)
@@ -78,7 +81,7 @@ class MovingShapes(LeafSystem):
             "geometry_pose",
             lambda: AbstractValue.Make(FramePoseVector()),
             Weakly(self._CalcGeometryPose),
-            {self.time_ticket()},
+            {self.nothing_ticket() if still else self.time_ticket()},
         )
 
     def _CalcGeometryPose(self, context: Context, output: AbstractValue) -> None:
