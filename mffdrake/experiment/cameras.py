@@ -21,7 +21,15 @@ from mffdrake.recognition import Camera, CameraRig
 from mffdrake.systems.camera_frames import AddCameraFrame
 from mffdrake.systems.camera_info import CameraFromInfo
 
-__all__ = ["AddFrames", "CalcKnownX_EC", "MakeKnownRig", "MakeMounts", "MakeRig", "Mount"]
+__all__ = [
+    "AddFrames",
+    "CalcKnownX_EC",
+    "KnownLatency",
+    "MakeKnownRig",
+    "MakeMounts",
+    "MakeRig",
+    "Mount",
+]
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -195,3 +203,9 @@ def AddFrames(plant: MultibodyPlant, arm: ModelInstanceIndex, scenario: Scenario
     hand = plant.GetFrameByName(scenario.arm.hand_frame, arm)
     for mount in MakeMounts(scenario):
         AddCameraFrame(plant, name=mount.frame_name, parent=hand, X_PC=mount.X_EK)
+
+
+def KnownLatency(scenario: Scenario) -> float:
+    """The age of the images, as feedforward and servo reckon with it [s]."""
+    known = scenario.predictor.latency
+    return MakeMounts(scenario)[0].latency if known is None else known

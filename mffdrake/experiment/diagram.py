@@ -9,7 +9,7 @@ from typing import Any
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from mffdrake.experiment.cameras import MakeKnownRig, MakeMounts, MakeRig
+from mffdrake.experiment.cameras import KnownLatency, MakeKnownRig, MakeMounts, MakeRig
 from mffdrake.experiment.control import AddControl, Control, MakeController
 from mffdrake.experiment.parts import (
     AddCameras,
@@ -202,7 +202,7 @@ def _MakePredictor(scenario: Scenario, station: Station, num_hypotheses: int) ->
         camera_frame=reference.frame_name,
         num_hypotheses=num_hypotheses,
         mode=config.mode,
-        latency=reference.latency if config.latency is None else config.latency,
+        latency=KnownLatency(scenario),
         gain=config.gain,
         timing=scenario.timing,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from mffdrake.experiment.cameras import MakeMounts
+from mffdrake.experiment.cameras import KnownLatency, MakeMounts
 from mffdrake.experiment.control import Control
 from mffdrake.experiment.desired_hand import MakeDesiredHand
 from mffdrake.experiment.parts import Station
@@ -51,7 +51,7 @@ def ConnectServo(
     servo = scenario.servo
     if not isinstance(servo, ServoConfig):
         return
-    latency = _KnownLatency(scenario)
+    latency = KnownLatency(scenario)
     estimator: System = builder.AddNamedSystem(
         "target_motion_estimator",
         TargetMotionEstimator(parameters=servo.estimator, latency=latency, timing=scenario.timing),
@@ -150,9 +150,3 @@ def CheckReach(scenario: Scenario, arm: MultibodyPlant) -> None:
         except UnreachablePathError as error:
             _log.warning("the hand cannot follow the target for the whole time: %s", error)
             return
-
-
-def _KnownLatency(scenario: Scenario) -> float:
-    """The age of the images, as it is reckoned with [s]."""
-    known = scenario.predictor.latency
-    return MakeMounts(scenario)[0].latency if known is None else known
