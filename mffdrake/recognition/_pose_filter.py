@@ -1,7 +1,7 @@
 """The compiled steps of the filter on poses (numba). Import only where it runs: it loads slowly.
 
 `PoseFilter` says what is estimated; here is how it is computed. Errors are those of position,
-orientation, linear and angular velocity, seen from the target.
+orientation, linear and angular velocity, and perhaps their rates, seen from the target.
 """
 
 from __future__ import annotations
@@ -33,6 +33,16 @@ def _product(A: Array, B: Array) -> Array:
                 for j in range(columns):
                     C[i, j] += a * B[k, j]
     return C
+
+
+@njit(cache=True, error_model="numpy")
+def _applied(A: Array, x: Array) -> Array:
+    """A x."""
+    y = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            y[i] += A[i, j] * x[j]
+    return y
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,53 +142,125 @@ def body_covariance(pose: Array, covariance: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def _exponential(A: Array) -> Array:
+    """The matrix exponential of a small matrix, by its power series of A / 2^k, squared k times."""
+    size, halvings = np.abs(A).max(), 0
+    while size > 0.25:
+        size, halvings = 0.5 * size, halvings + 1
+    term, k = np.eye(len(A)), 0
+    power, total = 0.5**halvings * A, term.copy()
+    while np.abs(term).max() > 1e-18:
+        k += 1
+        term = _product(term, power) / k
+        total += term
+    for _ in range(halvings):
+        total = _product(total, total)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def transition(dt: float, lasting: float, stiffness: float) -> tuple[Array, Array, Array]:
+    """How place p, velocity v and acceleration a go on, each of shape (3, 3).
+
+    ``p' = v, v' = a, a' = -stiffness v - a / lasting`` and white noise of density 1; or, where
+    accelerations do not last, that noise is the acceleration.
+
+    Returns:
+        The transition, its derivative by the stiffness, and the noise's covariance.
+    """
+    A, white = np.zeros((3, 3)), 1
+    A[0, 1] = 1.0
+    if lasting > 0.0:
+        A[1, 2], A[2, 1], A[2, 2], white = 1.0, -stiffness, -1.0 / lasting, 2
+    # Van Loan (1978): exp [[A, B], [0, D]] has the integral of exp(A s) B exp(D (t - s)).
+    both = np.zeros((6, 6))
+    both[:3, :3], both[3:, 3:] = A, A
+    both[2, 4] = -1.0
+    moved = _exponential(dt * both)
+    M = moved[:3, :3].copy()
+    both[:3, 3:], both[3:, 3:] = 0.0, -A.T
+    both[white, 3 + white] = 1.0
+    Q = _product(_exponential(dt * both)[:3, 3:].copy(), M.T.copy())
+    return M, moved[:3, 3:].copy(), 0.5 * (Q + Q.T)
+
+
+@njit(cache=True, error_model="numpy")
 def predict(
-    pose: Array, twist: Array, P: Array, dt: float, densities: tuple[float, float]
+    pose: Array,
+    motion: Array,
+    P: Array,
+    dt: float,
+    lasting: float,
+    densities: tuple[float, float],
+    learned: tuple[float, float],
 ) -> tuple[Array, Array, Array]:
-    """Pose, twist and covariance a time later; ``densities`` are those of the accelerations."""
-    v, w = twist[:3], twist[3:]
-    turn = quaternion_exp(w * dt)
+    """Pose, motion and covariance a time later.
+
+    The motion is the twist and, where accelerations last, their six numbers and the two stiffnesses
+    of the linear and of the angular motion. ``densities`` are those of the white noise, ``learned``
+    the share of the stiffnesses that is left after that time, and their variance for good.
+    """
+    n, orders = len(P), 2 if lasting > 0.0 else 1
+    M, dM, noise = np.zeros((2, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    # Ways, velocities and accelerations later, and their derivatives by the stiffness
+    gone, stiffer = np.zeros((3, 6)), np.zeros((3, 6))
+    for part in range(2):  # the linear motion, and the angular one
+        stiffness = motion[12 + part] if orders == 2 else 0.0
+        M[part], dM[part], noise[part] = transition(dt, lasting, stiffness)
+        for r in range(3):
+            for q in range(orders):
+                for i in range(3 * part, 3 * part + 3):
+                    gone[r, i] += M[part, r, 1 + q] * motion[6 * q + i]
+                    stiffer[r, i] += dM[part, r, 1 + q] * motion[6 * q + i]
+    way, turn = gone[0, :3], quaternion_exp(gone[0, 3:])
     E = _matrix(turn)
-    later_twist, later_pose = twist.copy(), pose.copy()
-    R = rotation(pose[3:])
-    for i in range(3):
-        later_twist[i] = E[0, i] * v[0] + E[1, i] * v[1] + E[2, i] * v[2]
-        later_pose[i] += dt * (R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2])
+    back, straight = E.T.copy(), np.eye(3)
+    turns = right_jacobian(gone[0, 3:], 1.0)  # how an error of the turn's vector turns it
+    later_pose, later = pose.copy(), np.zeros(len(motion))
+    later_pose[:3] += _applied(rotation(pose[3:]), way)
     later_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
-    seen_turned = _product(E.T.copy(), _skew(v))
-    rate_turns = dt * right_jacobian(w * dt, 1.0)  # how an error of w turns it
-    S = _skew(later_twist[:3])
-    F, Q = np.zeros((12, 12)), np.zeros((12, 12))
-    swept = _product(S, rate_turns)
-    for i in range(3):
-        for j in range(3):
-            F[i, j] = F[3 + i, 3 + j] = F[6 + i, 6 + j] = E[j, i]
-            F[i, 3 + j] = -dt * seen_turned[i, j]
-            F[i, 6 + j] = dt * E[j, i]
-            F[3 + i, 9 + j] = rate_turns[i, j]
-            F[6 + i, 9 + j] = swept[i, j]
-        F[9 + i, 9 + i] = 1.0
-    for i in range(6):
-        q = densities[0 if i < 3 else 1] ** 2
-        Q[i, i] = q * dt**3 / 3.0
-        Q[i, 6 + i] = Q[6 + i, i] = q * dt**2 / 2.0
-        Q[6 + i, 6 + i] = q * dt
-    # Where it has turned otherwise, the same velocity is seen from it otherwise.
-    turned = _product(S, Q[3:6])
-    for i in range(3):
-        for j in range(12):
-            Q[6 + i, j] += turned[i, j]
-            Q[j, 6 + i] += turned[i, j]
-    both = _product(turned[:, 3:6].copy(), S.T.copy())
-    Q[6:9, 6:9] += both
-    return later_pose, later_twist, _product(_product(F, P), F.T.copy()) + Q
+    for q in range(orders):
+        later[6 * q : 6 * q + 3] = _applied(back, gone[1 + q, :3])
+        later[6 * q + 3 : 6 * q + 6] = gone[1 + q, 3:]
+
+    F, Q = np.zeros((n, n)), np.zeros((n, n))
+    F[:3, :3], F[3:6, 3:6] = back, back
+    F[:3, 3:6] = -_product(back, _skew(way))
+    for r in range(1 + orders):
+        along = turns if r == 0 else straight
+        for q in range(orders):
+            v, w = 6 + 6 * q, 9 + 6 * q
+            F[6 * r : 6 * r + 3, v : v + 3] = M[0, r, 1 + q] * back
+            F[6 * r + 3 : 6 * r + 6, w : w + 3] = M[1, r, 1 + q] * along
+        if orders == 2:
+            F[6 * r : 6 * r + 3, 18] = _applied(back, stiffer[r, :3])
+            F[6 * r + 3 : 6 * r + 6, 19] = _applied(along, stiffer[r, 3:])
+    for r in range(1 + orders):
+        for q in range(1 + orders):
+            for i in range(6):
+                part = i // 3
+                Q[6 * r + i, 6 * q + i] = densities[part] ** 2 * noise[part, r, q]
+    if orders == 2:
+        for k in range(2):
+            later[12 + k] = learned[0] * motion[12 + k]
+            F[18 + k, 18 + k] = learned[0]
+            Q[18 + k, 18 + k] = (1.0 - learned[0] ** 2) * learned[1]
+    # Where it has turned otherwise, the same vectors are seen from it otherwise.
+    seen = np.zeros((n, 3))
+    for q in range(orders):
+        seen[6 + 6 * q : 9 + 6 * q] = _skew(later[6 * q : 6 * q + 3])
+    F[:, 6:] += _product(seen, F[3:6, 6:].copy())
+    Q += _product(seen, Q[3:6].copy())
+    Q += _product(Q[:, 3:6].copy(), seen.T.copy())
+    return later_pose, later, _product(_product(F, P), F.T.copy()) + Q
 
 
 @njit(cache=True, error_model="numpy")
 def update(
-    pose: Array, twist: Array, P: Array, seen: Array, covariance: Array
-) -> tuple[Array, Array, Array, float]:
-    """Pose, twist and covariance with a measurement, and a sixth of the surprise's square."""
+    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Pose, motion and covariance with a measurement, the innovation, and ``S^-1`` times it."""
+    n = len(P)
     R = rotation(pose[3:])
     away = np.empty(6)
     # The turn from where it was expected to where it was seen, seen from the former
@@ -195,17 +277,17 @@ def update(
     N = _product(_product(D, body_covariance(seen, covariance)), D.T.copy())
     S, L = P[:6, :6] + N, np.zeros((6, 6))
     if not factor(S, L):
-        return pose, twist, P, np.inf
-    K = np.empty((12, 6))  # P H^T S^-1
-    for i in range(12):
+        return pose, motion, P, away, np.full(6, np.inf)
+    K = np.empty((n, 6))  # P H^T S^-1
+    for i in range(n):
         K[i] = solve(L, P[i, :6].copy())
-    change = np.zeros(12)
-    for i in range(12):
+    change = np.zeros(n)
+    for i in range(n):
         for j in range(6):
             change[i] += K[i, j] * away[j]
     turn = quaternion_exp(change[3:6])
     # What is left of the error, seen from the target as it has been turned
-    G = np.eye(12)
+    G = np.eye(n)
     G[:3, :3] = _matrix(turn).T
     G[3:6, 3:6] = right_jacobian(change[3:6], 1.0)
     M = _product(G, K)
@@ -213,12 +295,11 @@ def update(
     A[:, :6] -= M
     # Joseph's form: positive whatever is rounded
     left = _product(_product(A, P), A.T.copy()) + _product(_product(M, N), M.T.copy())
-    new_pose, new_twist = pose.copy(), twist + change[6:]
+    new_pose, new_motion = pose.copy(), motion + change[6:]
     for i in range(3):
         for j in range(3):
             new_pose[i] += R[i, j] * change[j]
     new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
-    rest, squared = solve(L, away), 0.0
-    for i in range(6):
-        squared += away[i] * rest[i]
-    return new_pose, new_twist, 0.5 * (left + left.T), squared / 6.0
+    for i in range(12, n - 6):  # stiffnesses
+        new_motion[i] = max(0.0, new_motion[i])
+    return new_pose, new_motion, 0.5 * (left + left.T), away, solve(L, away)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.parameters import Positive, parameters
+from mffdrake.recognition.parameters import NonNegative, Positive, parameters
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
 
@@ -26,11 +26,16 @@ __all__ = [
     "pose_covariance",
 ]
 
-NUM_NUMBERS = 6 + 6 + 12 * 12 + 2
-"""How many numbers a filter is."""
+NUM_NUMBERS = 20 + 20 * 20 + 8
+"""How many numbers a filter is, some of them NaN where accelerations do not last."""
 
-_CALMEST = 0.125  # of the accelerations, for a target that has long moved as expected;
-_JOLT = 2.0  # a surprise of the fourth power of this ends that at once
+_FORGETTING = 300.0  # of how it swings [s]
+_CALMEST = 0.125  # of the accelerations, for a target that moves as expected
+_LEARNING = 0.1  # so fast that is learned, a measurement
+_COLORED = 0.2  # Errors of poses that look alike are a little alike by themselves.
+_CALM = 0.25  # A surprise of less, as hardly ever by chance, calms it, too.
+_JOLT = 16.0  # A surprise of more ends it at once, ...
+_MOST_JOLTED = 4.0  # to this at most.
 
 Array = NDArray[np.float64]
 
@@ -40,37 +45,65 @@ class PoseFilterParameters:
     """How the target may move, by itself.
 
     Attributes:
-        acceleration: Root of the spectral density of its linear acceleration [m/s^2 / sqrt(Hz)].
+        acceleration: Root of the spectral density of its linear acceleration, at low frequencies
+            [m/s^2 / sqrt(Hz)].
         angular_acceleration: The same of its angular acceleration [rad/s^2 / sqrt(Hz)].
+        lasting: For how long it keeps an acceleration: the time constant with which that decays,
+            and over which it varies [s]. At 0, accelerations are white, and none is estimated.
+        swing: How fast it may swing where accelerations last [rad/s]: its frequencies, that of the
+            linear and that of the angular motion, are learned, and are about as much at most.
         speed: Standard deviation of its velocity before anything is known of it [m/s].
         angular_speed: The same of its angular velocity [rad/s].
-        adaptive: Whether accelerations count as stronger for a while where measurements are far
-            from where they were expected, and as weaker where they long are not.
+        adaptive: Whether accelerations count as stronger where measurements in a row are away from
+            where they were expected to the same side, and as weaker where to the other side (Mehra
+            1970: those of a filter that is right are independent); and as stronger at once where
+            one is very far away.
 
     Raises:
-        ValueError: When a parameter is not positive.
+        ValueError: When a parameter is not positive, or ``lasting`` or ``swing`` is
+            negative.
     """
 
     acceleration: Positive = 0.5
     angular_acceleration: Positive = 2.0
+    lasting: NonNegative = 0.0
+    swing: NonNegative = 0.0
     speed: Positive = 0.3
     angular_speed: Positive = 1.0
     adaptive: bool = False
+
+    @property
+    def start(self) -> Array:
+        """Standard deviations of the motion before anything is known of it, shape (6,) or (14,)."""
+        std = np.repeat([self.speed, self.angular_speed], 3)
+        if not self.lasting:
+            return std
+        steady = np.array([self.acceleration, self.angular_acceleration])
+        lasting = np.repeat(steady / math.sqrt(2.0 * self.lasting), 3)
+        return np.concatenate([std, lasting, 2 * [self.swing**2]])
 
 
 @dataclass(frozen=True, eq=False)
 class PoseFilter:
     """A target's pose and velocity, with their covariance. Every step makes a new one.
 
-    It moves with a constant linear and angular velocity, but for white accelerations.
+    It moves with a constant linear and angular velocity, but for accelerations that are white or,
+    where the rules let them last, decay (Singer's model) and, where it swings, go against its
+    velocity, as those of a spring: ``a' = -stiffness v - a / lasting``.
 
     Attributes:
         pose: Pose vector ``(r [m], eps)``, shape (6,).
-        twist: Linear [m/s] and angular velocity [rad/s] as seen from the target, shape (6,).
-        covariance: Of the errors of position, orientation, linear and angular velocity, all seen
-            from the target, shape (12, 12).
+        motion: Linear [m/s] and angular velocity [rad/s] as seen from the target and, where they
+            last, the accelerations and the linear and the angular motion's stiffness [rad^2/s^2],
+            shape (6,) or (14,).
+        covariance: Of the errors of position, orientation, linear and angular velocity and, where
+            they last, of the rest of the motion, all seen from the target, shape (12, 12) or
+            (20, 20).
         surprise: How far the last measurement was from where it was expected: the squared distance
             in units of its covariance, a sixth of it, so that 1 is usual.
+        unrest: Times that, accelerations are as strong as the rules say, where they are adaptive.
+        innovation: From where the last measurement was expected to where it was, position [m] and
+            rotation vector [rad], seen from the target, shape (6,).
 
     Example:
         >>> rules = PoseFilterParameters()
@@ -83,10 +116,11 @@ class PoseFilter:
     """
 
     pose: Array
-    twist: Array
+    motion: Array
     covariance: Array = field(repr=False)
     surprise: float = 0.0
     unrest: float = 1.0
+    innovation: Array = field(default_factory=lambda: np.zeros(6), repr=False)
 
     @classmethod
     def of(cls, pose: ArrayLike, covariance: ArrayLike, rules: PoseFilterParameters) -> PoseFilter:
@@ -98,11 +132,14 @@ class PoseFilter:
             rules: How the target may move.
         """
         pose = np.array(pose, dtype=float)
-        P = np.zeros((12, 12))
+        P = np.diag(np.append(np.zeros(6), rules.start**2))
         P[:6, :6] = body_covariance(pose, covariance)
-        speeds = np.repeat([rules.speed, rules.angular_speed], 3)
-        P[6:, 6:] = np.diag(speeds**2)
-        return cls(pose, np.zeros(6), P)
+        return cls(pose, np.zeros(rules.start.size), P)
+
+    @property
+    def twist(self) -> Array:
+        """Linear [m/s] and angular velocity [rad/s] as seen from the target, shape (6,)."""
+        return self.motion[:6]
 
     @property
     def velocity(self) -> Array:
@@ -120,11 +157,30 @@ class PoseFilter:
         from mffdrake.recognition import _pose_filter  # numba: slow to import
 
         unrest = self.unrest if rules.adaptive else 1.0
-        densities = (unrest * rules.acceleration, unrest * rules.angular_acceleration)
-        pose, twist, covariance = _pose_filter.predict(
-            self.pose, self.twist, self.covariance, float(dt), densities
+        white = unrest / rules.lasting if rules.lasting else unrest  # where they last, the jerk
+        densities = (white * rules.acceleration, white * rules.angular_acceleration)
+        known, learned = self._as(rules), (math.exp(-dt / _FORGETTING), rules.swing**4)
+        pose, motion, covariance = _pose_filter.predict(
+            known.pose,
+            known.motion,
+            known.covariance,
+            float(dt),
+            float(rules.lasting),
+            densities,
+            learned,
         )
-        return PoseFilter(pose, twist, covariance, self.surprise, unrest)
+        return PoseFilter(pose, motion, covariance, self.surprise, unrest, self.innovation)
+
+    def _as(self, rules: PoseFilterParameters) -> PoseFilter:
+        """With accelerations where the rules let them last, without where not."""
+        size, wanted = self.motion.size, rules.start.size
+        if size == wanted:
+            return self
+        motion, P = np.zeros(wanted), np.diag(np.append(np.zeros(6), rules.start**2))
+        both = min(size, wanted)
+        motion[:both] = self.motion[:both]
+        P[: 6 + both, : 6 + both] = self.covariance[: 6 + both, : 6 + both]
+        return dc.replace(self, motion=motion, covariance=P)
 
     def update(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
         """With a measurement.
@@ -135,14 +191,16 @@ class PoseFilter:
         """
         from mffdrake.recognition import _pose_filter  # numba: slow to import
 
-        new_pose, twist, P, surprise = _pose_filter.update(
+        new_pose, motion, P, innovation, weighed = _pose_filter.update(
             self.pose,
-            self.twist,
+            self.motion,
             self.covariance,
             np.array(pose, dtype=float),
             np.array(covariance, dtype=float),
         )
-        return PoseFilter(new_pose, twist, P, surprise, self._adapted(surprise))
+        surprise = float(innovation @ weighed) / 6.0
+        unrest = self._adapted(surprise, float(self.innovation @ weighed) / 6.0)
+        return PoseFilter(new_pose, motion, P, surprise, unrest, innovation)
 
     def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
         """Without a measurement that is not to be believed, but as restless as it makes.
@@ -151,14 +209,15 @@ class PoseFilter:
             pose: Pose vector that was measured, shape (6,).
             covariance: Covariance of its error, as a `Generation`'s, shape (6, 6).
         """
-        surprise = self.update(pose, covariance).surprise
-        return dc.replace(self, surprise=surprise, unrest=self._adapted(surprise))
+        told = self.update(pose, covariance)
+        return dc.replace(self, surprise=told.surprise, unrest=told.unrest)
 
-    def _adapted(self, surprise: float) -> float:
-        """Up fast, down slowly; still where measurements are as far off as expected."""
-        factor = min(max(math.sqrt(math.sqrt(surprise)), 0.9), 4.0)
-        known = max(1.0, self.unrest) if factor > _JOLT else self.unrest
-        return max(_CALMEST, known * factor)
+    def _adapted(self, surprise: float, alike: float) -> float:
+        """The unrest after a measurement, with how alike it and the last one are."""
+        jolt = min(surprise**0.25, _MOST_JOLTED) if surprise > _JOLT else 0.0
+        alike = min(max(alike - _COLORED, -1.0), 10.0) - max(0.0, 1.0 - surprise / _CALM)
+        learned = self.unrest * math.exp(_LEARNING * alike)
+        return max(_CALMEST, learned, jolt)
 
     def numbers(self, pose: ArrayLike) -> Array:
         """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).
@@ -167,16 +226,22 @@ class PoseFilter:
         """
         (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(self.pose)
         own = pose_from_transform(R.T @ R_own, R.T @ (p_own - p))
-        rest = [self.surprise, self.unrest]
-        return np.concatenate([own, self.twist, self.covariance.reshape(-1), rest])
+        P, numbers = self.covariance, np.full(NUM_NUMBERS, math.nan)
+        rest = [self.surprise, self.unrest, *self.innovation]
+        known = np.concatenate([own, self.motion, P.reshape(-1), rest])
+        numbers[: known.size] = known
+        return numbers
 
     @classmethod
     def of_numbers(cls, pose: ArrayLike, numbers: ArrayLike) -> PoseFilter:
         """The filter whose `numbers` were kept beside a pose vector."""
         n = np.array(numbers, dtype=float)
+        n = n[: n.size - int(np.argmin(np.isnan(n[::-1])))]
         (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(n[:6])
         own = pose_from_transform(R @ R_own, p + R @ p_own)
-        return cls(own, n[6:12], n[12:-2].reshape(12, 12), float(n[-2]), float(n[-1]))
+        size = math.isqrt(n.size - 8)  # n^2 + n + 8 numbers
+        P = n[size:-8].reshape(size, size)
+        return cls(own, n[6:size], P, float(n[-8]), float(n[-7]), n[-6:])
 
     def carried(self, R: ArrayLike, p: ArrayLike) -> PoseFilter:
         """The same, seen from another frame D.

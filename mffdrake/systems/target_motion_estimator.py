@@ -11,9 +11,15 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    LeafSystem,
+    ValueProducer,
+)
 
-from mffdrake.recognition.parameters import Count, Positive, Share, parameters
+from mffdrake.recognition.parameters import Count, NonNegative, Positive, Share, parameters
 from mffdrake.recognition.pose import pose_from_transform, skew, transform_from_pose
 from mffdrake.recognition.pose_filter import (
     NUM_NUMBERS,
@@ -47,6 +53,8 @@ class EstimatorParameters:
         unrefined_factor: So many times that variance such an error counts as: it stays for some
             frames.
         refined_factor: The same for a refined pose and its own covariance.
+        systematic: Share of a refined pose's own covariance that is the same in frame after frame,
+            as long as the target is seen from the same side: no mean lessens it.
         gate: Poses of a greater surprise (see `PoseFilter`) are left out, ...
         patience: ... but so many in a row are believed.
         lost_error: From this standard error of the predicted place on, the target is lost [m].
@@ -58,8 +66,10 @@ class EstimatorParameters:
 
     motion: PoseFilterParameters = dc.field(
         default_factory=lambda: PoseFilterParameters(
-            acceleration=0.05,
-            angular_acceleration=0.05,
+            acceleration=0.2,
+            angular_acceleration=0.2,
+            lasting=10.0,
+            swing=4.0,
             speed=0.1,
             angular_speed=0.3,
             adaptive=True,
@@ -75,7 +85,8 @@ class EstimatorParameters:
     rotation_error: Positive = 0.11
     least_unfit: Share = 0.03
     unrefined_factor: Positive = 40.0
-    refined_factor: Positive = 2.0
+    refined_factor: Positive = 1.5
+    systematic: NonNegative = 0.1
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 2
     lost_error: Positive = 0.2
@@ -165,12 +176,18 @@ class TargetMotionEstimator(LeafSystem):
         # The filter's time, that of the last frame that it was told of [s], outliers in a row, and
         # whether that frame's pose was refined
         self._history = self.DeclareDiscreteState([math.nan, math.nan, 0.0, 1.0])
+        # Covariance of the systematic error of its pose, seen from the target
+        self._systematic = self.DeclareDiscreteState(36)
 
-        from_filter = {
-            self.time_ticket(),
-            self.discrete_state_ticket(self._filter),
-            self.discrete_state_ticket(self._history),
-        }
+        # What is known by now, once for all ports: a list of a filter, or of None
+        self._present = self.DeclareCacheEntry(
+            "present",
+            ValueProducer(
+                allocate=lambda: AbstractValue.Make([None]), calc=Weakly(self._CalcPresent)
+            ),
+            {self.time_ticket(), self.xd_ticket()},
+        )
+        from_filter = {self.cache_entry_ticket(self._present.cache_index())}
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
@@ -203,7 +220,7 @@ class TargetMotionEstimator(LeafSystem):
         filter_time, last_frame, outliers, _ = context.get_discrete_state(self._history).value()
         (frame_time,) = self._frame_time.Eval(context)
         is_new = not math.isnan(frame_time) and frame_time != last_frame
-        seen, C = self._Measure(context)
+        seen, C, systematic = self._Measure(context)
         if not is_new or self._is_tracking.Eval(context)[0] != 1.0:
             return
         exposed = frame_time - self._latency
@@ -211,9 +228,7 @@ class TargetMotionEstimator(LeafSystem):
         motion = p.motion if is_refined else p.unrefined_motion
         known = self._Filter(context)
         if known is None or outliers >= p.patience:
-            unrest = 1.0 if known is None else known.unrest
-            known = dc.replace(PoseFilter.of(seen, C, motion), unrest=unrest)
-            outliers = 0
+            known, outliers = PoseFilter.of(seen, C, motion), 0
         else:
             predicted = known.predict(max(0.0, exposed - filter_time), motion)
             updated = predicted.update(seen, C)
@@ -223,12 +238,16 @@ class TargetMotionEstimator(LeafSystem):
                 known, outliers = predicted.surprised(seen, C), outliers + 1
         discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
         discrete_state.set_value(self._history, [exposed, frame_time, outliers, float(is_refined)])
+        discrete_state.set_value(self._systematic, systematic.reshape(-1))
 
-    def _Measure(self, context: Context) -> tuple[Array, Array]:
-        """The recognized pose in the world and its error's covariance, as a pose vector's."""
+    def _Measure(self, context: Context) -> tuple[Array, Array, Array]:
+        """The recognized pose in the world and its error's covariance, as a pose vector's.
+
+        And that of the error's systematic part, seen from the target.
+        """
         p, pose = self._parameters, self._pose.Eval(context)
         unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
-        C = self._pose_covariance.Eval(context).reshape(6, 6)
+        C, systematic = self._pose_covariance.Eval(context).reshape(6, 6), np.zeros((6, 6))
         if math.isnan(C[0, 0]):
             R, r = transform_from_pose(pose)
             sight = r / max(1e-9, float(np.linalg.norm(r)))
@@ -239,24 +258,29 @@ class TargetMotionEstimator(LeafSystem):
             body[:3, :3] = variance * (R.T @ place @ R)
             body[3:, 3:] = variance * p.rotation_error**2 * np.eye(3)
         else:
-            body = p.refined_factor * body_covariance(pose, C)
+            told = body_covariance(pose, C)
+            body, systematic = p.refined_factor * told, p.systematic * told
         X_WM = self._seen.Eval(context)
         seen = pose_from_transform(X_WM.rotation().matrix(), X_WM.translation())
-        return seen, pose_covariance(seen, body)
+        return seen, pose_covariance(seen, body), systematic
 
     def _Filter(self, context: Context) -> PoseFilter | None:
         numbers = context.get_discrete_state(self._filter).value()
         return None if math.isnan(numbers[0]) else PoseFilter.of_numbers(np.zeros(6), numbers)
 
+    def _CalcPresent(self, context: Context, value: AbstractValue) -> None:
+        known = self._Filter(context)
+        if known is not None:
+            p = self._parameters
+            filter_time, _, _, is_refined = context.get_discrete_state(self._history).value()
+            motion = p.motion if is_refined else p.unrefined_motion
+            known = known.predict(max(0.0, context.get_time() - filter_time), motion)
+        value.set_value([known])
+
     def _Present(self, context: Context) -> PoseFilter | None:
         """What is known by now."""
-        known = self._Filter(context)
-        if known is None:
-            return None
-        p = self._parameters
-        filter_time, _, _, is_refined = context.get_discrete_state(self._history).value()
-        motion = p.motion if is_refined else p.unrefined_motion
-        return known.predict(max(0.0, context.get_time() - filter_time), motion)
+        (known,) = self._present.Eval(context)
+        return known  # type: ignore[no-any-return]
 
     def _CalcPose(self, context: Context, output: AbstractValue) -> None:
         known = self._Present(context)
@@ -280,7 +304,9 @@ class TargetMotionEstimator(LeafSystem):
                 G[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = R
             G[6:9, 3:6] = -R @ skew(known.twist[:3])
             G[9:, 3:6] = -R @ skew(known.twist[3:])
-            covariance = G @ known.covariance @ G.T
+            P = known.covariance[:12, :12].copy()
+            P[:6, :6] += context.get_discrete_state(self._systematic).value().reshape(6, 6)
+            covariance = G @ P @ G.T
         output.SetFromVector(covariance.reshape(-1))
 
     def _CalcIsKnown(self, context: Context, output: BasicVector) -> None:

@@ -374,7 +374,7 @@ def test_the_covariance_stays_one_over_thousands_of_steps(seed):
             known = known.update(seen, pose_covariance(seen, spread(rng, 6, scale)))
             np.testing.assert_array_equal(known.covariance, known.covariance.T)
             assert least_correlation(known.covariance) > 0
-        assert np.isfinite(known.numbers(known.pose)).all() and np.isfinite(known.pose).all()
+        assert np.isfinite(known.covariance).all() and np.isfinite(known.pose).all()
 
 
 class Targets:
@@ -477,7 +477,7 @@ def test_a_filter_comes_back_from_its_numbers_and_goes_along_with_the_pose_besid
     assert numbers.shape == (NUM_NUMBERS,)
     again = PoseFilter.of_numbers(beside, numbers)
     np.testing.assert_allclose(again.pose, known.pose, atol=1e-12)
-    for name in ("twist", "covariance", "surprise", "unrest"):
+    for name in ("motion", "covariance", "surprise", "unrest", "innovation"):
         np.testing.assert_array_equal(getattr(again, name), getattr(known, name))
     R_DC, p_DC = turn(rng.normal(size=3)), rng.normal(size=3)
     along = PoseFilter.of_numbers(transport_pose(beside, R_DC, p_DC), numbers)
