@@ -27,6 +27,9 @@ STILL = PoseFilterParameters(
     acceleration=1e-12, angular_acceleration=1e-12, speed=0.3, angular_speed=1.0
 )
 """Moves with a constant velocity, all but exactly."""
+SPRINGY = dc.replace(STILL, lasting=2.0, swing=1e-6)
+"""Moves as on a spring whose stiffness is what it is, all but exactly."""
+MODELS = {"velocity": STILL, "swing": SPRINGY}
 
 
 def turn(vector):
@@ -67,22 +70,24 @@ def pose_covariance(pose, C):
 
 
 def apart(known, true):
-    """The error of one filter's pose and twist, where another one's are true, shape (12,)."""
+    """The error of one filter's pose and motion, where another one's are true."""
     (R, p), (R_true, p_true) = transform_from_pose(known.pose), transform_from_pose(true.pose)
     moved = [R.T @ (p_true - p), vector_of(R.T @ R_true)]
-    return np.concatenate([*moved, true.twist - known.twist])
+    return np.concatenate([*moved, true.motion - known.motion])
 
 
 def moved_by(known, error):
-    """The filter that is away from another by an error, shape (12,)."""
+    """The filter that is away from another by an error."""
     R, p = transform_from_pose(known.pose)
     pose = pose_from_transform(R @ turn(error[3:6]), p + R @ error[:3])
-    return PoseFilter(pose, known.twist + error[6:], known.covariance)
+    return PoseFilter(pose, known.motion + error[6:], known.covariance)
 
 
-def some_filter(rng, angle=1.0, scale=0.1):
-    twist = np.concatenate([rng.normal(size=3), 2.0 * rng.normal(size=3)])
-    return PoseFilter(pose_at(angle, rng), twist, spread(rng, 12, scale))
+def some_filter(rng, angle=1.0, scale=0.1, rules=RULES):
+    motion = np.concatenate([rng.normal(size=3), 2.0 * rng.normal(size=3)])
+    if rules.lasting:
+        motion = np.concatenate([motion, 2.0 * rng.normal(size=6), rng.uniform(0, 9, size=2)])
+    return PoseFilter(pose_at(angle, rng), motion, spread(rng, 6 + motion.size, scale))
 
 
 def least_correlation(P):
@@ -229,19 +234,93 @@ def test_many_small_steps_are_one_large_one_but_for_the_accelerations(seed, angl
     assert_same_filter(known.predict(1.0, STILL), small, 1e-6)
 
 
+@pytest.mark.parametrize("angle", ANGLES)
+def test_many_small_steps_are_one_large_one_where_it_swings_along_lines_and_about_an_axis(angle):
+    rng = np.random.default_rng(0)
+    known = some_filter(rng, angle, rules=SPRINGY)
+    # While it turns about one axis alone, turns add up; places are told from the world.
+    axis, motion = unit(rng), known.motion.copy()
+    motion[3:6], motion[9:12] = 0.3 * axis, 0.4 * axis
+    small = known = PoseFilter(known.pose, motion, known.covariance)
+    for _ in range(20):
+        small = small.predict(0.015, SPRINGY)
+    # But for the stiffness, which is slowly forgotten
+    np.testing.assert_allclose(apart(known.predict(0.3, SPRINGY), small)[:12], 0, atol=3e-4)
+
+
+@pytest.mark.parametrize("stiffness", [0.3, 4.0])
+def test_a_target_on_a_spring_swings_as_the_sine_does(stiffness):
+    rules = dc.replace(SPRINGY, lasting=1e9)
+    v, a, w = np.array([0.1, 0.0, 0.02]), np.array([0.0, 0.3, 0.1]), np.sqrt(stiffness)
+    motion = np.concatenate([v, np.zeros(3), a, np.zeros(3), [stiffness, 0.0]])
+    known = PoseFilter(np.array([0.1, 0.2, 0.8, 0, 0, 0]), motion, np.zeros((20, 20)))
+    for t in (0.033, 1.0, 5.0):
+        later = known.predict(t, rules)
+        sine, cosine = np.sin(w * t), np.cos(w * t)
+        way = v * sine / w + a * (1 - cosine) / stiffness
+        np.testing.assert_allclose(later.pose[:3], known.pose[:3] + way, atol=1e-8)
+        np.testing.assert_allclose(later.twist[:3], v * cosine + a * sine / w, atol=1e-8)
+
+
+# Prediction: one axis
+
+
+def brute_force(dt, lasting, stiffness, steps=4000):
+    """Transition and noise of `_pose_filter.transition`, by many small steps."""
+    A = np.array([[0, 1, 0], [0, 0, 1], [0, -stiffness, -1 / lasting]])
+    h, M, Q = dt / steps, np.eye(3), np.zeros((3, 3))
+    half = A * h / 2
+    step = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)  # the trapezoidal rule
+    white = np.zeros((3, 3))
+    white[2, 2] = h
+    for _ in range(steps):
+        M, Q = step @ M, step @ (Q + 0.5 * white) @ step.T + 0.5 * white
+    return M, Q
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 0.4, 4.0, 40.0])
+@pytest.mark.parametrize("lasting", [0.3, 10.0])
+@pytest.mark.parametrize("dt", [0.033, 1.0])
+def test_one_axis_goes_on_as_in_many_small_steps(dt, lasting, stiffness):
+    M, dM, Q = _pose_filter.transition(dt, lasting, stiffness)
+    stepped, noise = brute_force(dt, lasting, stiffness)
+    np.testing.assert_allclose(M, stepped, atol=2e-5 * (1 + stiffness))
+    np.testing.assert_allclose(Q, noise, atol=1e-5 * np.abs(noise).max())
+    ahead, *_ = _pose_filter.transition(dt, lasting, stiffness + 1e-4)
+    behind, *_ = _pose_filter.transition(dt, lasting, stiffness - 1e-4)
+    np.testing.assert_allclose(dM, (ahead - behind) / 2e-4, atol=1e-7)
+
+
+def test_one_axis_with_white_accelerations_and_in_singers_model_is_as_in_the_textbook():
+    t, lasting = 0.7, 0.4
+    M, dM, Q = _pose_filter.transition(t, 0.0, 0.0)
+    np.testing.assert_allclose(M, [[1, t, 0], [0, 1, 0], [0, 0, 1]], atol=1e-15)
+    assert not dM[:2, :2].any()
+    np.testing.assert_allclose(Q[:2, :2], [[t**3 / 3, t**2 / 2], [t**2 / 2, t]], rtol=1e-14)
+    M, _, Q = _pose_filter.transition(t, lasting, 0.0)
+    left = np.exp(-t / lasting)
+    np.testing.assert_allclose(
+        M[:, 2], [lasting * (t - lasting * (1 - left)), lasting * (1 - left), left], rtol=1e-13
+    )
+    assert Q[2, 2] == pytest.approx(lasting / 2 * (1 - left**2), rel=1e-13)
+    assert Q[1, 2] == pytest.approx(lasting**2 / 2 * (1 - left) ** 2, rel=1e-12)
+
+
 # Prediction: the covariance
 
 
 @pytest.mark.parametrize("angle", ANGLES[:-1])
 @pytest.mark.parametrize("dt", [0.033, 0.5])
+@pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_errors_grow_as_they_do_when_the_pose_and_the_twist_are_moved(seed, dt, angle):
-    known = some_filter(np.random.default_rng(seed), angle)
-    later, h = known.predict(dt, STILL), 1e-4
-    J = np.empty((12, 12))
-    for k, error in enumerate(h * np.eye(12)):
-        ahead = apart(later, moved_by(known, error).predict(dt, STILL))
-        behind = apart(later, moved_by(known, -error).predict(dt, STILL))
+def test_errors_grow_as_they_do_when_the_pose_and_the_motion_are_moved(seed, model, dt, angle):
+    rules = MODELS[model]
+    known = some_filter(np.random.default_rng(seed), angle, rules=rules)
+    later, h, n = known.predict(dt, rules), 1e-4, len(known.covariance)
+    J = np.empty((n, n))
+    for k, error in enumerate(h * np.eye(n)):
+        ahead = apart(later, moved_by(known, error).predict(dt, rules))
+        behind = apart(later, moved_by(known, -error).predict(dt, rules))
         J[:, k] = (ahead - behind) / (2 * h)
     expected = J @ known.covariance @ J.T
     np.testing.assert_allclose(later.covariance, expected, atol=1e-6 * np.abs(expected).max())
@@ -283,6 +362,17 @@ def test_many_small_steps_are_one_large_one_to_first_order_of_the_turn(seed):
         differences.append(np.abs((one - small.covariance) / scale).max())
     assert differences[0] < 0.05
     assert 1.5 < differences[1] / differences[0] < 4.5  # They vanish with the turn.
+
+
+def test_accelerations_come_and_go_as_the_rules_say():
+    rng = np.random.default_rng(0)
+    known, lasting = some_filter(rng), PoseFilterParameters(lasting=2.0, swing=1.5)
+    more = known.predict(0.0, lasting)
+    assert more.motion.shape == (14,) and more.covariance.shape == (20, 20)
+    np.testing.assert_allclose(more.covariance[:12, :12], known.covariance, rtol=1e-12)
+    steady = [np.sqrt(0.5**2 / 4)] * 3 + [np.sqrt(2.0**2 / 4)] * 3 + [1.5**2] * 2
+    np.testing.assert_allclose(np.sqrt(np.diag(more.covariance)[12:]), steady)
+    assert_same_filter(more.predict(0.0, RULES), known, 1e-6)
 
 
 # Measurements
@@ -437,6 +527,33 @@ def test_errors_are_as_large_as_the_filter_says_and_surprises_as_usual():
         assert np.mean(np.array(sizes)[-1, part]) == pytest.approx(12, abs=4 * np.sqrt(0.24))
 
 
+@pytest.mark.parametrize("period", [3.0, 6.0])
+def test_how_a_target_swings_is_learned_and_carries_it_through_an_occlusion(period):
+    rng, dt, w = np.random.default_rng(0), 0.033, 2 * np.pi / period
+    steady = PoseFilterParameters(acceleration=0.2, angular_acceleration=0.2, adaptive=True)
+    swinging = dc.replace(steady, lasting=10.0, swing=4.0)
+
+    def pose(t):
+        half = 0.2 * np.sin(w * t)  # +-0.4 rad
+        return np.array([0.0, 0.15 * np.sin(w * t), 0.8, 0.0, 0.0, np.sin(half)])
+
+    C = np.diag(3 * [1e-9] + 3 * [1e-8])
+    known = {rules: PoseFilter.of(pose(0.0), C, rules) for rules in (steady, swinging)}
+    off = {rules: [] for rules in known}
+    for k in range(1, 600):
+        seen = pose(k * dt) + rng.multivariate_normal(np.zeros(6), C)
+        for rules, before in known.items():
+            known[rules] = after = before.predict(dt, rules).update(seen, C)
+            # A second without images
+            off[rules].append(after.predict(1.0, rules).pose - pose(k * dt + 1.0))
+    stiffness = known[swinging].motion[12:]
+    std = np.sqrt(np.diag(known[swinging].covariance)[18:])
+    assert (np.abs(stiffness - w**2) < 3.3 * std).all() and (std < w**2).all()
+    for part in (slice(0, 3), slice(3, 6)):
+        errors = {rules: np.std(np.array(e)[300:, part]) for rules, e in off.items()}
+        assert errors[swinging] < 0.25 * errors[steady]
+
+
 # Seen from elsewhere
 
 
@@ -467,12 +584,15 @@ def test_the_filter_is_the_same_from_wherever_it_is_seen(seed, angle):
 # Keeping
 
 
+@pytest.mark.parametrize("lasting", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_filter_comes_back_from_its_numbers_and_goes_along_with_the_pose_beside_it(seed):
+def test_a_filter_comes_back_from_its_numbers_and_goes_along_with_the_pose_beside_it(seed, lasting):
     rng = np.random.default_rng(seed)
     known = some_filter(rng)
     known = known.update(pose_at(1.1, rng), spread(rng, 6, 0.01)).predict(0.033, RULES)
     beside = pose_at(0.4, rng)
+    if lasting:
+        known = known.predict(0.033, SPRINGY)
     numbers = known.numbers(beside)
     assert numbers.shape == (NUM_NUMBERS,)
     again = PoseFilter.of_numbers(beside, numbers)
@@ -492,6 +612,28 @@ def test_steps_leave_the_filter_that_takes_them_as_it_is():
     known.update(pose_at(1.0, rng), np.eye(6))
     known.carried(np.eye(3), np.zeros(3)).pose[:] = 1.0
     np.testing.assert_array_equal(known.numbers(known.pose), numbers)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_a_filter_that_is_told_wrong_errors_still_learns_how_restless_a_target_is(scale):
+    """By whether innovations are alike, not by how large they are."""
+    rng, dt, found = np.random.default_rng(2), 0.033, {}
+    for strength in (0.05, 0.8):
+        moves = PoseFilterParameters(acceleration=strength, angular_acceleration=strength)
+        targets = Targets(rng, 8, dc.replace(moves, speed=1e-3, angular_speed=1e-3))
+        L = np.diag(3 * [1e-4] + 3 * [1e-3])
+        rules = PoseFilterParameters(acceleration=0.2, angular_acceleration=0.2, adaptive=True)
+        filters = [PoseFilter.of(seen, scale**2 * C, rules) for seen, C in targets.see(L)]
+        unrests = []
+        for _ in range(250):
+            targets.move(dt, parts=1)
+            filters = [
+                known.predict(dt, rules).update(seen, scale**2 * C)
+                for known, (seen, C) in zip(filters, targets.see(L), strict=True)
+            ]
+            unrests.append([known.unrest for known in filters])
+        found[strength] = 0.2 * np.exp(np.mean(np.log(unrests[100:])))
+    assert found[0.05] < 0.16 * scale and found[0.8] > 0.3 * scale
 
 
 def test_an_adaptive_filter_is_restless_where_it_was_surprised_and_calms_down():

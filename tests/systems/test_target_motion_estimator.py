@@ -1,5 +1,7 @@
 """The target's motion, estimated from poses: in the world, at the present time, with its errors."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -16,6 +18,7 @@ CALM = EstimatorParameters(
         acceleration=0.05, angular_acceleration=0.2, speed=0.2, angular_speed=0.5
     ),
     refined_factor=1.0,
+    systematic=0.0,
 )
 X_CW = RigidTransform(RollPitchYaw(1.4, 0.2, -0.3), [0.1, 0.2, 0.9])
 """Any camera."""
@@ -92,6 +95,40 @@ def test_a_turning_target_is_followed():
     np.testing.assert_allclose(velocity, [0, 0, 0, 0, 0, 0.4], atol=8e-3)
     apart = (moved(0.033 * 89, (0, 0, 0), 0.4).rotation().inverse() @ X.rotation()).ToAngleAxis()
     assert apart.angle() < 2e-3
+
+
+def swung(t, period=3.0):
+    y = 0.15 * np.sin(2 * np.pi * t / period)
+    return RigidTransform(START.rotation(), START.translation() + [0, y, 0])
+
+
+def test_two_frames_of_latency_cost_little_where_the_target_swings():
+    """Its velocity changes by up to 44 mm/s meanwhile."""
+    off = {}
+    for latency in (0.0, 0.066):
+        loop, errors = Loop(EstimatorParameters(), latency), []
+        rng = np.random.default_rng(0)
+        for k in range(3, 500):
+            seen = RigidTransform(np.sqrt(1e-8) * rng.normal(size=3))  # as seen from the target
+            loop.see(0.033 * k, swung(0.033 * k - latency) @ seen, body=SMALL)
+            X, velocity, _, _ = loop.at(0.033 * k + 0.020)
+            wave = 2 * np.pi / 3.0
+            true = 0.15 * wave * np.cos(wave * (0.033 * k + 0.020))
+            errors.append(velocity[:3] - [0, true, 0])
+        off[latency] = np.sqrt(np.mean(np.square(errors[200:])))
+    assert off[0.0] < 0.003 and off[0.066] < 2.0 * off[0.0]
+
+
+def test_what_is_systematic_is_not_averaged_away():
+    covariances = []
+    for share in (0.0, 0.5):
+        loop = Loop(dc.replace(CALM, systematic=share))
+        for k in range(100):
+            loop.see(0.033 * k, START, body=SMALL)
+        covariances.append(loop.at(0.033 * 99)[2])
+    more = np.zeros((12, 12))
+    more[:6, :6] = 0.5 * SMALL  # SMALL is the same along all axes.
+    np.testing.assert_allclose(covariances[1] - covariances[0], more, atol=1e-15)
 
 
 def test_before_anything_is_seen_nothing_is_known():
