@@ -42,23 +42,20 @@ def bode(curves: Mapping[str, Sequence[tuple[float, float, float]]]) -> Figure:
 
 
 def stability(
-    found: Mapping[tuple[str, float | str, float], tuple[float, float]],
+    found: Mapping[tuple[str, float | str, float], tuple[float, str]],
     methods: Sequence[str],
     dampings: Sequence[float | str],
     gains: Sequence[float],
 ) -> Figure:
-    """The hand's error over damping and gain; black where it does not follow."""
+    """The hand's error [mm], and what to write, over damping and gain; black where it is NaN."""
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     for axis, method in zip(figure.subplots(1, len(methods)), methods, strict=True):
-        grid = np.array([
-            [found[method, d, g][1] if found[method, d, g][0] == 1.0 else np.nan for g in gains]
-            for d in dampings
-        ])  # fmt: skip
+        grid = np.array([[found[method, d, g][0] for g in gains] for d in dampings])
         axis.set_facecolor("black")
         image = axis.imshow(np.log10(grid), origin="lower", aspect="auto", vmin=0.0, vmax=2.0)
         for i in range(len(dampings)):
             for j in range(len(gains)):
-                text = "lost" if np.isnan(grid[i, j]) else f"{grid[i, j]:.0f}"
+                text = found[method, dampings[i], gains[j]][1].replace(" in ", "\n")
                 axis.text(j, i, text, ha="center", va="center", color="white")
         axis.set_xticks(range(len(gains)), [f"{g:g}" for g in gains])
         axis.set_yticks(range(len(dampings)), [str(d) for d in dampings])

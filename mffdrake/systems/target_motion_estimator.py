@@ -113,8 +113,10 @@ class TargetMotionEstimator(LeafSystem):
 
     One control tick after each frame it takes the recognizer's result, where that is to be relied
     on, as of the time at which the images were exposed. Its outputs are predictions from there to
-    the present time, with a constant linear and angular velocity as seen from the target; so it
-    bridges latencies, dropped frames and occlusions, with growing covariance.
+    the present time, as the target moves by the last frames: by refined poses, with an acceleration
+    that lasts and at the frequency at which it has been seen to swing, else at constant velocity
+    (see `PoseFilter`). So it bridges latencies, dropped frames and occlusions, with growing
+    covariance.
 
     It forms everything in the world: there, the hand's own motion is no motion of the target, while
     in the camera an oscillating hand would be one.
