@@ -257,9 +257,12 @@ def predict(
 
 @njit(cache=True, error_model="numpy")
 def update(
-    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Pose, motion and covariance with a measurement, the innovation, and ``S^-1`` times it."""
+    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array, last: Array
+) -> tuple[Array, Array, Array, Array, float, float]:
+    """Pose, motion and covariance with a measurement, and its innovation.
+
+    And a sixth of that one's square, and of its product with the last one, by its covariance S.
+    """
     n = len(P)
     R = rotation(pose[3:])
     away = np.empty(6)
@@ -277,7 +280,7 @@ def update(
     N = _product(_product(D, body_covariance(seen, covariance)), D.T.copy())
     S, L = P[:6, :6] + N, np.zeros((6, 6))
     if not factor(S, L):
-        return pose, motion, P, away, np.full(6, np.inf)
+        return pose, motion, P, away, np.inf, 0.0
     K = np.empty((n, 6))  # P H^T S^-1
     for i in range(n):
         K[i] = solve(L, P[i, :6].copy())
@@ -302,4 +305,8 @@ def update(
     new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
     for i in range(12, n - 6):  # stiffnesses
         new_motion[i] = max(0.0, new_motion[i])
-    return new_pose, new_motion, 0.5 * (left + left.T), away, solve(L, away)
+    weighed, surprise, alike = solve(L, away), 0.0, 0.0
+    for i in range(6):
+        surprise += away[i] * weighed[i] / 6.0
+        alike += last[i] * weighed[i] / 6.0
+    return new_pose, new_motion, 0.5 * (left + left.T), away, surprise, alike

@@ -33,9 +33,9 @@ _FORGETTING = 300.0  # of how it swings [s]
 _CALMEST = 0.125  # of the accelerations, for a target that moves as expected
 _LEARNING = 0.1  # so fast that is learned, a measurement
 _COLORED = 0.2  # Errors of poses that look alike are a little alike by themselves.
-_CALM = 0.25  # A surprise of less, as hardly ever by chance, calms it, too.
-_JOLT = 16.0  # A surprise of more ends it at once, ...
-_MOST_JOLTED = 4.0  # to this at most.
+_CALM = 0.5  # Surprises of less calm it, too.
+_JOLT = 16.0  # One of more ends that at once, ...
+_MOST_JOLTED = 4.0  # and makes it so many times as restless at most.
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,7 @@ class PoseFilterParameters:
             one is very far away.
 
     Raises:
-        ValueError: When a parameter is not positive, or ``lasting`` or ``swing`` is
-            negative.
+        ValueError: When a parameter is not positive, or ``lasting`` or ``swing`` is negative.
     """
 
     acceleration: Positive = 0.5
@@ -191,15 +190,15 @@ class PoseFilter:
         """
         from mffdrake.recognition import _pose_filter  # numba: slow to import
 
-        new_pose, motion, P, innovation, weighed = _pose_filter.update(
+        new_pose, motion, P, innovation, surprise, alike = _pose_filter.update(
             self.pose,
             self.motion,
             self.covariance,
             np.array(pose, dtype=float),
             np.array(covariance, dtype=float),
+            self.innovation,
         )
-        surprise = float(innovation @ weighed) / 6.0
-        unrest = self._adapted(surprise, float(self.innovation @ weighed) / 6.0)
+        unrest = self._adapted(surprise, alike)
         return PoseFilter(new_pose, motion, P, surprise, unrest, innovation)
 
     def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
@@ -213,11 +212,11 @@ class PoseFilter:
         return dc.replace(self, surprise=told.surprise, unrest=told.unrest)
 
     def _adapted(self, surprise: float, alike: float) -> float:
-        """The unrest after a measurement, with how alike it and the last one are."""
-        jolt = min(surprise**0.25, _MOST_JOLTED) if surprise > _JOLT else 0.0
-        alike = min(max(alike - _COLORED, -1.0), 10.0) - max(0.0, 1.0 - surprise / _CALM)
-        learned = self.unrest * math.exp(_LEARNING * alike)
-        return max(_CALMEST, learned, jolt)
+        """The unrest after a measurement, with how alike its innovation and the last one are."""
+        if surprise > _JOLT:
+            return max(1.0, self.unrest) * min(math.sqrt(math.sqrt(surprise)), _MOST_JOLTED)
+        restless = min(max(alike - _COLORED, -1.0), 10.0) - max(0.0, 1.0 - surprise / _CALM)
+        return max(_CALMEST, self.unrest * math.exp(_LEARNING * restless))
 
     def numbers(self, pose: ArrayLike) -> Array:
         """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).

@@ -86,7 +86,7 @@ class EstimatorParameters:
     least_unfit: Share = 0.03
     unrefined_factor: Positive = 40.0
     refined_factor: Positive = 1.5
-    systematic: NonNegative = 0.1
+    systematic: NonNegative = 0.15
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 2
     lost_error: Positive = 0.2

@@ -111,7 +111,7 @@ def test_two_frames_of_latency_cost_little_where_the_target_swings():
         for k in range(3, 500):
             seen = RigidTransform(np.sqrt(1e-8) * rng.normal(size=3))  # as seen from the target
             loop.see(0.033 * k, swung(0.033 * k - latency) @ seen, body=SMALL)
-            X, velocity, _, _ = loop.at(0.033 * k + 0.020)
+            _, velocity, _, _ = loop.at(0.033 * k + 0.020)
             wave = 2 * np.pi / 3.0
             true = 0.15 * wave * np.cos(wave * (0.033 * k + 0.020))
             errors.append(velocity[:3] - [0, true, 0])
