@@ -100,7 +100,8 @@ def displaced(psi: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def bound(solid: mff.SolidModel, rig: mff.CameraRig, psi: np.ndarray, noise: float):
     """Cramer-Rao bound of the covariance of (position, rotation vector)."""
     nothing = [np.zeros((camera.height, camera.width, 3), dtype=np.uint8) for camera in rig.cameras]
-    lines = _edge_lines.edge_lines(psi, solid.vertices, solid.edges, rig.views(nothing))
+    struct = mff.Matcher(mff.SearchModel(solid), rig).struct
+    lines = _edge_lines.edge_lines(psi, struct, rig.views(nothing))
     R, information = rotation_matrix(psi[3:]), np.zeros((6, 6))
     grey = np.full(3, GREY)
     colors = 255.0 * np.array(

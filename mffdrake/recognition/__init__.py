@@ -30,14 +30,8 @@ from mffdrake.recognition.refinement import (
 )
 from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.search import Found, PoseSearch, SearchParameters
-from mffdrake.recognition.solid_model import (
-    BLUE,
-    GREEN,
-    RED,
-    SamplingParameters,
-    SearchModel,
-    SolidModel,
-)
+from mffdrake.recognition.search_model import SamplingParameters, SearchModel
+from mffdrake.recognition.solid_model import BLUE, GREEN, RED, SolidModel
 from mffdrake.recognition.starts import ColoredStart, NearStart, RandomStart, Start
 from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.tracker_parameters import TrackerParameters

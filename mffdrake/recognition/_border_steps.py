@@ -175,7 +175,7 @@ def settle(
             advance *= 0.25
         pose = move(pose, step)
         # Slopes set the weights, which must not change for ever.
-        whole = move_lines(lines, pose, solid.vertices, solid.edges, scene.views, k < 3)
+        whole = move_lines(lines, pose, solid, scene.views, k < 3)
         if not (whole and math.isfinite(pose.sum())):
             outcome = UNSETTLED
             break

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition._edge_lines import Line, Lines, cross, edge_lines, rotation
 from mffdrake.recognition._lens import Eye, pixel
-from mffdrake.recognition._structs import ColorGate, Scene, new_placed, place
+from mffdrake.recognition._structs import ColorGate, Placed, Scene, Solid, new_placed, place
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -178,54 +178,55 @@ def find_borders(
 
     None is sought where the image ends too soon to show one.
     """
-    solid = scene.solid
-    num_edges, num_faces = len(solid.edges), len(solid.normals)
-    total, most = 0, 0
+    solid, outlines = scene.solid, scene.solid.outlines
+    most = 0
     for view in scene.views:
-        rows = max(view.eye.width, view.eye.height) // stage.spacing + 1
-        total, most = total + rows, max(most, rows)
+        most = max(most, max(view.eye.width, view.eye.height) // stage.spacing + 1)
     needed = 0.0
     for slot in range(len(lines)):
         if lines[slot].seen:
             needed += abs(lines[slot].last - lines[slot].first) / stage.spacing + 2.0
     # No more memory than may be needed, and untouched: fresh pages cost more than the search.
-    borders = np.empty(int(min(needed, float(num_edges * total))), dtype=BORDER)
+    borders = np.empty(int(min(needed, float(len(lines) * most))), dtype=BORDER)
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     sought = np.zeros(len(scene.views), dtype=np.int64)
     room = stage.window + rules.blend + 3  # what `_find_border` may read on either side
-    count, seen, slot = 0, -1, -1
-    R_CM, placed = rotation(pose[3:]), new_placed()
-    cosines = np.empty(num_faces)
+    count, seen, slot = 0, -1, 0
+    R_CM, placed, none = rotation(pose[3:]), new_placed(), np.uint32(0)
     for view in scene.views:
         pixels, eye = view.pixels, view.eye
         seen += 1
         place(R_CM, pose[:3], eye, placed)
-        for k in range(num_faces):
-            dx, dy, dz = placed.p_MK[0], placed.p_MK[1], placed.p_MK[2]
-            dx, dy, dz = (
-                dx - solid.centers[k, 0],
-                dy - solid.centers[k, 1],
-                dz - solid.centers[k, 2],
-            )
-            cosine = solid.normals[k, 0] * dx + solid.normals[k, 1] * dy + solid.normals[k, 2] * dz
-            cosines[k] = cosine / math.sqrt(dx * dx + dy * dy + dz * dz)
-        for e in range(num_edges):
+        while slot < len(lines) and lines[slot].camera == seen:
+            line, here = lines[slot], slot
             slot += 1
-            line = lines[slot]
-            inside, other = solid.edge_faces[e, 0], solid.edge_faces[e, 1]
-            if cosines[inside] < cosines[other]:  # the face that is seen better
-                inside, other = other, inside
-            if not (cosines[inside] > rules.min_cosine and line.seen):
+            if not line.seen:
                 continue
-            if 0.0 < cosines[other] <= rules.min_cosine:
-                continue  # The neighbor is a sliver, too narrow for its color to be told.
-            if solid.alike[inside, other] and cosines[other] > -rules.min_cosine:
-                continue  # The neighbor shows the same color, or might.
-            outside = solid.colors[other] if cosines[other] > 0.0 else np.uint32(0)
-            sides = Sides(solid.colors[inside], outside)
-            outward = _outward(eye, line, placed.R, placed.p, solid.centers[inside])
-            low = min(line.first, line.last) + rules.end_margin
-            high = max(line.first, line.last) - rules.end_margin
+            e = line.segment
+            first, second = outlines.faces[e, 0], outlines.faces[e, 1]
+            cosine_in, cosine_out = _cosine(solid, first, placed), _cosine(solid, second, placed)
+            side = 0
+            if cosine_in < cosine_out:  # the face that is seen better
+                cosine_in, cosine_out, side = cosine_out, cosine_in, 1
+            inside, other = outlines.faces[e, side], outlines.faces[e, 1 - side]
+            if outlines.smooth[e]:
+                if not cosine_in > 0.0 >= cosine_out:
+                    continue  # It is no silhouette of the curved surface.
+            else:
+                if not cosine_in > rules.min_cosine:
+                    continue
+                if 0.0 < cosine_out <= rules.min_cosine:
+                    continue  # The neighbor is a sliver, too narrow for its color to be told.
+                same = solid.alike[solid.kinds[inside], solid.kinds[other]]
+                if same and cosine_out > -rules.min_cosine:
+                    continue  # The neighbor shows the same color, or might.
+            sides = Sides(solid.colors[inside], solid.colors[other] if cosine_out > 0.0 else none)
+            outward = _outward(eye, line, placed, outlines.ends[e], outlines.inward[e, side])
+            from_first = rules.end_margin * outlines.stops[e, 0]
+            from_last = rules.end_margin * outlines.stops[e, 1]
+            low, high = line.first + from_first, line.last - from_last
+            if line.first > line.last:
+                low, high = line.last + from_last, line.first - from_first
             length, num_rows = eye.width, eye.height
             if not line.rows:
                 length, num_rows = num_rows, length
@@ -248,7 +249,7 @@ def find_borders(
                 )
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
-                    border.slot, border.along, border.across = slot, along[r], position
+                    border.slot, border.along, border.across = here, along[r], position
                     border.off = position - expected
                     border.blended, border.within, border.weight = blended, 0.0, 0.0
                     count += 1
@@ -264,23 +265,34 @@ def count_explained(
     Shape (number of views, 2).
     """
     counts = np.zeros((len(scene.views), 2), dtype=np.int64)
-    num_edges = len(scene.solid.edges)
-    lines = edge_lines(pose, scene.solid.vertices, scene.solid.edges, scene.views)
+    lines = edge_lines(pose, scene.solid, scene.views)
     borders, sought = find_borders(pose, lines, scene, rules, stage)
     counts[:, 1] = sought
     for border in borders:
         if abs(border.off) <= tolerance:
-            counts[border.slot // num_edges, 0] += 1
+            counts[lines[border.slot].camera, 0] += 1
     return counts
 
 
 @njit(cache=True, error_model="numpy")
-def _outward(eye: Eye, line: Line, R_KM: Array, p_KM: Array, center: Array) -> int:
+def _cosine(solid: Solid, face: int, placed: Placed) -> float:
+    """Cosine between a face's normal and the line from its center to the camera."""
+    normal, center, eye = solid.normals[face], solid.centers[face], placed.p_MK
+    dx, dy, dz = eye[0] - center[0], eye[1] - center[1], eye[2] - center[2]
+    toward = normal[0] * dx + normal[1] * dy + normal[2] * dz
+    return toward / math.sqrt(dx * dx + dy * dy + dz * dz)  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def _outward(eye: Eye, line: Line, placed: Placed, ends: Array, inward: Array) -> int:
     """The direction (1 or -1) on a row or column that leads out of a face across its edge."""
-    x = R_KM[0, 0] * center[0] + R_KM[0, 1] * center[1] + R_KM[0, 2] * center[2] + p_KM[0]
-    y = R_KM[1, 0] * center[0] + R_KM[1, 1] * center[1] + R_KM[1, 2] * center[2] + p_KM[1]
-    z = R_KM[2, 0] * center[0] + R_KM[2, 1] * center[1] + R_KM[2, 2] * center[2] + p_KM[2]
-    # From the edge's middle a little way to the face's center, as the image shows it
+    R_KM, p_KM = placed.R, placed.p
+    length = math.sqrt(((ends[1] - ends[0]) ** 2).sum())
+    point = 0.5 * (ends[0] + ends[1]) + 0.1 * length * inward
+    x = R_KM[0, 0] * point[0] + R_KM[0, 1] * point[1] + R_KM[0, 2] * point[2] + p_KM[0]
+    y = R_KM[1, 0] * point[0] + R_KM[1, 1] * point[1] + R_KM[1, 2] * point[2] + p_KM[1]
+    z = R_KM[2, 0] * point[0] + R_KM[2, 1] * point[1] + R_KM[2, 2] * point[2] + p_KM[2]
+    # From the edge's middle a little way into the face, as the image shows it
     mx, my = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
     u0, v0 = pixel(eye.lens, mx, my)
     u1, v1 = pixel(eye.lens, mx + 1e-3 * (x / z - mx), my + 1e-3 * (y / z - my))

@@ -1,7 +1,7 @@
 """Compiled geometry of a solid's projected edges (numba). Import only where it runs.
 
-A *slot* is an edge seen by a camera: slot ``k * E + e`` is edge e in the view of camera k. On the
-plane of normalized coordinates an edge is a straight line; in the image the lens bends it.
+A *slot* is a segment of an edge seen by a camera (see `Outlines`). On the plane of normalized
+coordinates it is a straight line; in the image the lens bends it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._aspects import aspect_of
 from mffdrake.recognition._lens import (
     NO_DISTORTION,
     Eye,
@@ -23,6 +24,7 @@ from mffdrake.recognition._lens import (
     pixel_jacobian,
     turned_back,
 )
+from mffdrake.recognition._structs import Solid, new_placed, place
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -32,6 +34,8 @@ Line: TypeAlias = Any
 
 LINE = np.dtype(
     [
+        ("camera", np.int64),  # the camera
+        ("segment", np.int64),
         ("seen", np.bool_),  # whether both ends are before the camera
         ("l0", np.float64),  # l0 x + l1 y + l2 = 0 in normalized coordinates
         ("l1", np.float64),
@@ -93,16 +97,27 @@ def move(pose: Array, step: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def edge_lines(pose: Array, vertices: Array, edges: IntArray, views: tuple[View, ...]) -> Lines:
-    """The lines of all slots, shape (number of views * E,)."""
-    lines = np.zeros(len(views) * len(edges), dtype=LINE)
-    R_CM = rotation(pose[3:])
-    slot = 0
+def edge_lines(pose: Array, solid: Solid, views: tuple[View, ...]) -> Lines:
+    """The lines of all slots, camera by camera."""
+    R_CM, outlines, middle = rotation(pose[3:]), solid.outlines, solid.middle
+    aspects, count = np.empty(len(views), dtype=np.int64), 0
+    placed, k = new_placed(), -1
     for view in views:
-        for e in range(len(edges)):
+        k += 1
+        place(R_CM, pose[:3], view.eye, placed)
+        x, y, z = placed.p_MK[0] - middle[0], placed.p_MK[1] - middle[1], placed.p_MK[2] - middle[2]
+        aspects[k] = aspect_of(x, y, z, outlines.grid)
+        count += outlines.start[aspects[k] + 1] - outlines.start[aspects[k]]
+    lines = np.zeros(count, dtype=LINE)
+    slot, k = 0, -1
+    for view in views:
+        k += 1
+        for entry in range(outlines.start[aspects[k]], outlines.start[aspects[k] + 1]):
             line = lines[slot]
             slot += 1
-            _place_line(line, R_CM, pose, view.eye, vertices[edges[e, 0]], vertices[edges[e, 1]])
+            line.camera, line.segment = k, outlines.segments[entry]
+            ends = outlines.ends[line.segment]
+            _place_line(line, R_CM, pose, view.eye, ends[0], ends[1])
             if line.seen:
                 u0, v0 = pixel(view.eye.lens, line.x0, line.y0)
                 u1, v1 = pixel(view.eye.lens, line.x1, line.y1)
@@ -115,8 +130,7 @@ def edge_lines(pose: Array, vertices: Array, edges: IntArray, views: tuple[View,
 def move_lines(
     lines: Lines,
     pose: Array,
-    vertices: Array,
-    edges: IntArray,
+    solid: Solid,
     views: tuple[View, ...],
     with_slopes: bool,
 ) -> bool:
@@ -125,14 +139,16 @@ def move_lines(
     Returns whether all that were seen still are.
     """
     R_CM = rotation(pose[3:])
-    slot, whole = 0, True
+    slot, whole, k = 0, True, -1
     for view in views:
-        for e in range(len(edges)):
+        k += 1
+        while slot < len(lines) and lines[slot].camera == k:
             line = lines[slot]
             slot += 1
             if not line.seen:
                 continue
-            _place_line(line, R_CM, pose, view.eye, vertices[edges[e, 0]], vertices[edges[e, 1]])
+            ends = solid.outlines.ends[line.segment]
+            _place_line(line, R_CM, pose, view.eye, ends[0], ends[1])
             if line.seen:
                 _measure_line(view.eye, line, with_slopes)
             else:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._aspects import aspect_of
 from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._lens import NO_DISTORTION, Eye, Image, distort, magnification
 from mffdrake.recognition._structs import (
@@ -77,6 +78,7 @@ def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: 
 
 @njit(cache=True, error_model="numpy")
 def _place_inside(
+    aspect: int,
     visible: NDArray[np.bool_],
     scale: float,
     placed: Placed,
@@ -92,41 +94,47 @@ def _place_inside(
     """
     points, colors = scratch.points, scratch.colors
     inside_points, inside_distances = samples.inside_points, samples.inside_distances
-    nearest, start = samples.nearest, samples.inside_start
+    nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
-    normals, R, depth_0 = solid.normals, placed.R, placed.p[2]
+    face_sides, side_inward, R = samples.face_sides, samples.side_inward, placed.R
+    sight, shown = samples.sight, samples.sight.shown[aspect]
+    depth_0 = placed.p[2]
     ox, oy, oz = placed.p_MK
-    most_sides = inside_distances.shape[1]
-    least, inward = np.empty(most_sides), np.empty((most_sides, 3))
+    num_near = inside_distances.shape[1]
+    least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
     kept = 0
-    for face in range(len(visible)):
+    for face in sight.faces[sight.faces_start[aspect] : sight.faces_start[aspect + 1]]:
         if not visible[face]:
             continue
-        fx, fy, fz = normals[face, 0], normals[face, 1], normals[face, 2]
-        for s in range(most_sides):
-            a, b, c = side_centers[face, s, 0], side_centers[face, s, 1], side_centers[face, s, 2]
+        first = samples.face_sides_start[face]
+        greatest = 0.0
+        for s in range(samples.face_sides_start[face + 1] - first):
+            side = face_sides[first + s]
+            a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
             sx, sy, sz = a - ox, b - oy, c - oz
             dx, dy, dz = (
-                side_directions[face, s, 0],
-                side_directions[face, s, 1],
-                side_directions[face, s, 2],
+                side_directions[side, 0],
+                side_directions[side, 1],
+                side_directions[side, 2],
             )
             nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
-            # Inward from the side in the face's plane: normal x direction.
-            mx, my, mz = fy * dz - fz * dy, fz * dx - fx * dz, fx * dy - fy * dx
+            mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
             inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
             norm = math.sqrt(nx * nx + ny * ny + nz * nz)
             across = abs(mx * nx + my * ny + mz * nz)
             depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
             least[s] = scale * depth * norm / across if across > 0.0 else 0.0
-        greatest = least.max()
+            greatest = max(greatest, least[s])
         color = solid.colors[face]
         for j in range(start[face], start[face + 1]):
+            if not shown[j]:
+                continue
             a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
             if nearest[j] < greatest:
                 moved = 0.0
-                for s in range(most_sides):
-                    gap = least[s] - inside_distances[j, s]
+                for k in range(num_near):
+                    s = inside_sides[j, k]
+                    gap = least[s] - inside_distances[j, k]
                     if gap > 0.0:
                         moved += gap
                         a += gap * inward[s, 0]
@@ -134,12 +142,14 @@ def _place_inside(
                         c += gap * inward[s, 2]
                 clear = True  # Where the face is too narrow, it now is beyond another side.
                 if moved > 0.0:
-                    for s in range(most_sides):
-                        if inside_distances[j, s] < least[s] + moved:  # else it still is clear
+                    for k in range(num_near):
+                        s = inside_sides[j, k]
+                        if inside_distances[j, k] < least[s] + moved:  # else it still is clear
+                            side = face_sides[first + s]
                             distance = (
-                                (a - side_centers[face, s, 0]) * inward[s, 0]
-                                + (b - side_centers[face, s, 1]) * inward[s, 1]
-                                + (c - side_centers[face, s, 2]) * inward[s, 2]
+                                (a - side_centers[side, 0]) * inward[s, 0]
+                                + (b - side_centers[side, 1]) * inward[s, 1]
+                                + (c - side_centers[side, 2]) * inward[s, 2]
                             )
                             clear = clear and distance > (1.0 - 1e-9) * least[s]
                 if not clear:
@@ -153,6 +163,7 @@ def _place_inside(
 @njit(cache=True, error_model="numpy")
 def _place_strip(
     first: int,
+    aspect: int,
     visible: NDArray[np.bool_],
     scale: float,
     placed: Placed,
@@ -165,49 +176,52 @@ def _place_strip(
     They lie outside the silhouette. Any color of the model counts there, hidden faces' too.
     """
     points, colors = scratch.points, scratch.colors
-    edge_points, edge_start = samples.edge_points, samples.edge_start
-    edge_directions, edge_faces = samples.edge_directions, solid.edge_faces
-    middle, R, depth_0 = solid.middle, placed.R, placed.p[2]
+    edge_points, edge_directions = samples.edge_points, samples.edge_directions
+    edge_faces, edge_inward, sight = samples.edge_faces, samples.edge_inward, samples.sight
+    counted, rows, R, depth_0 = sight.points, sight.rows, placed.R, placed.p[2]
     ox, oy, oz = placed.p_MK
-    any_color = np.uint32(0)
-    for color in solid.colors:
-        any_color |= color
     kept = first
-    for k in range(len(edge_directions)):
+    for entry in range(sight.edges_start[aspect], sight.edges_start[aspect + 1]):
         # The edges between a visible and a hidden face
+        k = sight.edges[entry]
+        inner = 0 if visible[edge_faces[k, 0]] else 1
         if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
             continue
-        # Perpendicular to the edge and to the line of sight (in M), away from the body.
-        j0, j1 = edge_start[k], edge_start[k + 1]
-        a, b, c = edge_points[0, j0], edge_points[1, j0], edge_points[2, j0]
+        # Perpendicular to the edge and to the line of sight (in M), away from the visible face.
+        j0, j1 = sight.points_start[entry], sight.points_start[entry + 1]
+        q = counted[j0]
+        a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
         sx, sy, sz = a - ox, b - oy, c - oz
         dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
         nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
-        toward = nx * (middle[0] - a) + ny * (middle[1] - b) + nz * (middle[2] - c)
+        m = edge_inward[k, inner]
+        toward = nx * m[0] + ny * m[1] + nz * m[2]
         norm = math.sqrt(nx * nx + ny * ny + nz * nz)
         if toward > 0.0:
             norm = -norm
         nx, ny, nz = nx / norm, ny / norm, nz / norm
         depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
-        for strip_offset in samples.strip_offsets:
-            offset = max(strip_offset, scale * depth)
+        for row in range(len(samples.strip_offsets)):
+            offset = max(samples.strip_offsets[row], scale * depth)
             for j in range(j0, j1):
-                points[0, kept] = edge_points[0, j] + offset * nx
-                points[1, kept] = edge_points[1, j] + offset * ny
-                points[2, kept] = edge_points[2, j] + offset * nz
-                colors[kept] = any_color
-                kept += 1
+                if (rows[j] >> row) & 1:
+                    q = counted[j]
+                    points[0, kept] = edge_points[0, q] + offset * nx
+                    points[1, kept] = edge_points[1, q] + offset * ny
+                    points[2, kept] = edge_points[2, q] + offset * nz
+                    colors[kept] = solid.all_colors
+                    kept += 1
     return kept
 
 
 @njit(cache=True, error_model="numpy")
 def find_visible(
-    placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
+    faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
 ) -> None:
-    """Fills in which faces look at the camera."""
+    """Fills in which of some faces look at the camera."""
     ox, oy, oz = placed.p_MK
     normals, centers = solid.normals, solid.centers
-    for k in range(len(normals)):
+    for k in faces:
         dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
         cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
         visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -216,7 +230,8 @@ def find_visible(
 @njit(cache=True, error_model="numpy")
 def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
-    solid = scene.solid
+    solid, sight = scene.solid, samples.sight
+    ox, oy, oz = solid.middle
     visible = np.empty(len(solid.normals), dtype=np.bool_)
     most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
         samples.strip_offsets
@@ -229,17 +244,20 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
     placed = new_placed()
     fitness = np.zeros(len(poses))
     for view in scene.views:
-        eye = view.eye
+        lens = view.eye.lens
         for i in range(len(poses)):
-            place(rotation(poses[i, 3:]), poses[i, :3], eye, placed)
-            find_visible(placed, solid, rules.min_cosine, visible)
+            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            eye = placed.p_MK
+            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, sight.grid)
+            faces = sight.faces[sight.faces_start[aspect] : sight.faces_start[aspect + 1]]
+            find_visible(faces, placed, solid, rules.min_cosine, visible)
             z = placed.p[2]
-            pixels_a_unit = magnification(eye.lens, placed.p[0] / z, placed.p[1] / z)
-            scale = (rules.min_border_distance + eye.calibration_error) / pixels_a_unit
+            pixels_a_unit = magnification(lens, placed.p[0] / z, placed.p[1] / z)
+            scale = (rules.min_border_distance + view.eye.calibration_error) / pixels_a_unit
             # Lambda of Eq. (21): the inside points of the visible faces
-            count = _place_inside(visible, scale, placed, solid, samples, scratch)
-            end = _place_strip(count, visible, scale, placed, solid, samples, scratch)
-            _find_pixels(scratch, end, placed, eye)
+            count = _place_inside(aspect, visible, scale, placed, solid, samples, scratch)
+            end = _place_strip(count, aspect, visible, scale, placed, solid, samples, scratch)
+            _find_pixels(scratch, end, placed, view.eye)
             matches = _count_matches(scratch, 0, count, view.pixels, scene.gate)
             matches -= _count_matches(scratch, count, end, view.pixels, scene.gate)
             if count > 0 and matches > 0:
@@ -254,8 +272,7 @@ def middle_shown(poses: Array, scene: Scene) -> IntArray:
     placed, middle = new_placed(), scene.solid.middle
     scratch = Scratch(np.empty((3, 1)), np.zeros(1, dtype=np.uint32), np.empty(1, dtype=np.int32))
     scratch.points[:, 0] = middle
-    for color in scene.solid.colors:
-        scratch.colors[0] |= color
+    scratch.colors[0] = scene.solid.all_colors
     for view in scene.views:
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)

@@ -66,7 +66,7 @@ def compare(
     pose: Array, lines: Lines, borders: Borders, scene: Scene, residuals: Array, J: Array
 ) -> None:
     """Fills in how far borders (or jumps) are from the lines, and how a `move` changes that."""
-    n, num_edges = len(borders), len(scene.solid.edges)
+    n = len(borders)
     along, across, x, y = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     start = 0
     while start < n:
@@ -74,7 +74,7 @@ def compare(
         while stop < n and borders[stop].slot == slot:
             along[stop] = borders[stop].along
             stop += 1
-        part, eye = slice(start, stop), scene.views[slot // num_edges].eye
+        part, eye = slice(start, stop), scene.views[lines[slot].camera].eye
         cross(eye, lines[slot], along[part], across[part], x[part], y[part])
         cross_jacobians(eye, lines[slot], x[part], y[part], pose, J[part])
         for k in range(start, stop):

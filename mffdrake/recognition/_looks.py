@@ -14,11 +14,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition._aspects import Camera, Canvas, Drawn, draw
 from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._structs import Solid
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+_RESOLUTION = 64  # pixels across, of a drawn look
 
 
 class Looks(NamedTuple):
@@ -35,6 +38,14 @@ class Looks(NamedTuple):
     area: Array
     center: Array
     looks: Array
+
+
+class Corners(NamedTuple):
+    """Of a `SolidModel`, its attributes of the same names."""
+
+    vertices: Array
+    edges: IntArray
+    edge_faces: IntArray
 
 
 @njit(cache=True, error_model="numpy")
@@ -92,21 +103,60 @@ def spread_turns(count: int) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def draw_looks(
+    drawn: Drawn, classes: NDArray[np.int8], num_colors: int, distance: float, turns: Array
+) -> Looks:
+    """The looks of a solid whose middle is straight ahead, drawn. ``classes``: faces' colors."""
+    count = len(turns)
+    table = Looks(
+        turns, np.empty(count), np.empty((count, 2)), np.zeros((count, 3 * num_colors + 3))
+    )
+    canvas = Canvas(
+        np.empty((_RESOLUTION, _RESOLUTION)),
+        np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
+    )
+    tangent = drawn.radius / math.sqrt(max(distance, 1.1 * drawn.radius) ** 2 - drawn.radius**2)
+    focal, half = 0.49 * _RESOLUTION / tangent, 0.5 * _RESOLUTION - 0.5
+    pixel = 1.0 / focal
+    for n in range(count):
+        R = rotation(turns[n, 1:])
+        draw(Camera(R, drawn.middle - distance * R[2], focal), drawn, canvas)
+        for i in range(_RESOLUTION):
+            for j in range(_RESOLUTION):
+                if canvas.faces[i, j] >= 0:
+                    add_to_look(
+                        table.looks[n], classes[canvas.faces[i, j]], num_colors, pixel**2,
+                        (j - half) * pixel, (i - half) * pixel, pixel**2 / 12.0, 0.0,
+                        pixel**2 / 12.0,
+                    )  # fmt: skip
+        area, x, y = finish_look(table.looks[n], num_colors)
+        table.area[n] = area * distance * distance
+        table.center[n, 0], table.center[n, 1] = -x * distance, -y * distance
+    return table
+
+
+@njit(cache=True, error_model="numpy")
 def make_looks(
-    solid: Solid, classes: NDArray[np.int8], num_colors: int, distance: float, turns: Array
+    solid: Solid,
+    corners_of: Corners,
+    classes: NDArray[np.int8],
+    num_colors: int,
+    distance: float,
+    turns: Array,
 ) -> Looks:
     """The looks of a convex solid whose middle is straight ahead. ``classes``: faces' colors."""
+    vertices, edges, edge_faces = corners_of
     count, num_faces = len(turns), len(solid.normals)
     table = Looks(
         turns, np.empty(count), np.empty((count, 2)), np.zeros((count, 3 * num_colors + 3))
     )
     seen = np.empty(num_faces, dtype=np.bool_)
     corners, centers = np.empty((3, 2)), np.empty((num_faces, 2))
-    points = np.empty((len(solid.vertices), 2))
+    points = np.empty((len(vertices), 2))
     for n in range(count):
         R = rotation(turns[n, 1:])
         for k in range(len(points)):
-            points[k] = _ahead(R, solid.vertices[k], solid.middle, distance)
+            points[k] = _ahead(R, vertices[k], solid.middle, distance)
         for f in range(num_faces):
             centers[f] = _ahead(R, solid.centers[f], solid.middle, distance)
             toward = 0.0  # the face's normal with the line from the camera to its center
@@ -119,13 +169,13 @@ def make_looks(
                 for j in range(3):
                     toward += R[i, j] * solid.normals[f, j] * arm
             seen[f] = toward < 0.0
-        for e in range(len(solid.edges)):
+        for e in range(len(edges)):
             for side in range(2):
-                f = solid.edge_faces[e, side]
+                f = edge_faces[e, side]
                 if not seen[f]:
                     continue
                 # The triangle between the edge and the face's center
-                corners[0], corners[1] = points[solid.edges[e, 0]], points[solid.edges[e, 1]]
+                corners[0], corners[1] = points[edges[e, 0]], points[edges[e, 1]]
                 corners[2] = centers[f]
                 x, y = corners[:, 0].sum() / 3.0, corners[:, 1].sum() / 3.0
                 area = 0.5 * abs(

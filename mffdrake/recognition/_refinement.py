@@ -86,7 +86,6 @@ def _calibration_covariance(
     ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``, less what
     the borders of an edge are trusted less for the error that they share.
     """
-    num_edges = len(scene.solid.edges)
     added = np.zeros((6, 6))
     shared = np.zeros((len(lines), 9))  # of each slot the sums of w J, w by_u, w by_v and w
     moved = np.zeros((len(scene.views), 2, 6))
@@ -95,7 +94,8 @@ def _calibration_covariance(
         compare(pose, lines, marks, scene, residuals, J)
         for k in range(len(marks)):
             mark = marks[k]
-            line, v = lines[mark.slot], mark.slot // num_edges
+            line = lines[mark.slot]
+            v = line.camera
             by_u, by_v = (1.0, -line.slope) if line.rows else (-line.slope, 1.0)
             for i in range(6):
                 moved[v, 0, i] += mark.weight * J[k, i] * by_u
@@ -107,8 +107,8 @@ def _calibration_covariance(
     for slot in range(len(lines)):  # as in `normal_equations`
         c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 8])
         for i in range(6):
-            moved[slot // num_edges, 0, i] -= c * shared[slot, i] * shared[slot, 6]
-            moved[slot // num_edges, 1, i] -= c * shared[slot, i] * shared[slot, 7]
+            moved[lines[slot].camera, 0, i] -= c * shared[slot, i] * shared[slot, 6]
+            moved[lines[slot].camera, 1, i] -= c * shared[slot, i] * shared[slot, 7]
     for v in range(len(scene.views)):
         for axis in range(2):
             step = scene.views[v].eye.calibration_error * solve(L, moved[v, axis])
@@ -124,7 +124,7 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
 
     It is the greatest of all cameras; zero for a single one, and for one that sees too little.
     """
-    largest, num_views, num_edges = 0.0, len(scene.views), len(scene.solid.edges)
+    largest, num_views = 0.0, len(scene.views)
     if num_views == 1:
         return largest
     residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
@@ -133,7 +133,7 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
     for view in range(num_views):
         N, b = np.zeros((6, 6)), np.zeros(6)
         for k in range(len(borders)):
-            if borders[k].slot // num_edges == view:
+            if lines[borders[k].slot].camera == view:
                 for i in range(6):
                     for j in range(i + 1):
                         N[i, j] += borders[k].weight * J[k, i] * J[k, j]
@@ -190,7 +190,7 @@ def _refine_once(
     pose, solid = start.copy(), scene.solid
     covariance, L = np.zeros((6, 6)), np.zeros((6, 6))
     equations = Equations(np.zeros((6, 6)), np.zeros(6))
-    lines = edge_lines(pose, solid.vertices, solid.edges, scene.views)
+    lines = edge_lines(pose, solid, scene.views)
     borders, sought_by_view = find_borders(pose, lines, scene, rules, stage)
     sought = sought_by_view.sum()
     count = len(borders)

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._lens import Eye, View, in_view
+from mffdrake.recognition.aspects import Outlines, Sight
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -35,23 +36,23 @@ class Solid(NamedTuple):
     """The solid, see `SolidModel`.
 
     Attributes:
-        vertices: Corner points in the target's frame M [m], shape (V, 3).
-        edges: Corner indices of each edge, shape (E, 2).
-        edge_faces: The two faces that meet at each edge, shape (E, 2).
+        outlines: The segments that may be borders, see `Outlines`.
         normals: Outward unit normals, shape (F, 3).
         centers: Faces' centers [m], shape (F, 3).
         middle: Mean of the corners [m], shape (3,).
         colors: Bit of each face's color in a `ColorGate`, shape (F,).
-        alike: Whether two faces' colors overlap, shape (F, F).
+        all_colors: The bits of all of them.
+        kinds: Numbers of the faces' materials, shape (F,).
+        alike: Whether two materials' colors overlap, shape (C, C).
     """
 
-    vertices: Array
-    edges: IntArray
-    edge_faces: IntArray
+    outlines: Outlines
     normals: Array
     centers: Array
     middle: Array
     colors: Bits
+    all_colors: np.uint32
+    kinds: IntArray
     alike: NDArray[np.bool_]
 
 
@@ -75,27 +76,41 @@ class Samples(NamedTuple):
     """Its points: the attributes of the same names of `SearchModel`, but for these.
 
     Attributes:
+        sight: Which of them count, see `Sight`.
         inside_points: Transposed, shape (3, P).
         inside_start: As in `SearchModel`.
+        inside_sides: As in `SearchModel`.
         inside_distances: As in `SearchModel`.
         nearest: Each inside point's distance to the nearest side [m], shape (P,).
-        side_centers: As in `SearchModel`.
-        side_directions: As in `SearchModel`.
+        face_sides: As in `SearchModel`.
+        face_sides_start: As in `SearchModel`.
+        most_sides: Of a face.
+        side_centers: As in `Sides`.
+        side_directions: As in `Sides`.
+        side_inward: As in `Sides`.
         edge_points: Transposed, shape (3, Q).
-        edge_start: As in `SearchModel`.
         edge_directions: As in `SearchModel`.
+        edge_faces: As in `SolidModel`.
+        edge_inward: As in `SolidModel`.
         strip_offsets: As in `SearchModel`.
     """
 
+    sight: Sight
     inside_points: Array
     inside_start: IntArray
+    inside_sides: IntArray
     inside_distances: Array
     nearest: Array
+    face_sides: IntArray
+    face_sides_start: IntArray
+    most_sides: int
     side_centers: Array
     side_directions: Array
+    side_inward: Array
     edge_points: Array
-    edge_start: IntArray
     edge_directions: Array
+    edge_faces: IntArray
+    edge_inward: Array
     strip_offsets: Array
 
 

@@ -17,7 +17,7 @@ from mffdrake.recognition.matching import Matcher
 from mffdrake.recognition.parameters import Count, Share, parameters
 from mffdrake.recognition.proposals import Proposals, Proposer
 from mffdrake.recognition.refinement import BorderRefiner
-from mffdrake.recognition.solid_model import SamplingParameters, SearchModel
+from mffdrake.recognition.search_model import SamplingParameters, SearchModel
 
 if TYPE_CHECKING:
     from mffdrake.recognition._borders import Stage

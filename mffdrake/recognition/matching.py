@@ -11,10 +11,11 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.aspects import find_outlines, find_sight, material_numbers
 from mffdrake.recognition.cameras import CameraRig, Image
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.parameters import NonNegative, Share, parameters
-from mffdrake.recognition.solid_model import SearchModel
+from mffdrake.recognition.search_model import SearchModel
 
 if TYPE_CHECKING:
     from mffdrake.recognition._structs import ColorGate, Rules, Samples, Scene, Solid
@@ -111,7 +112,7 @@ class Matcher:
         if channel_order not in ("rgb", "bgr"):
             raise ValueError(f"channel_order must be 'rgb' or 'bgr', not {channel_order!r}")
         self.channel_order = channel_order
-        self._bits, self._alike = colors.bits_of(solid.materials), colors.alike(solid.materials)
+        colors.bits_of(solid.materials)  # raises where one is missing
 
     def fitness(self, poses: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Array:
         """Fitness F of every pose, Eq. (22).
@@ -198,17 +199,22 @@ class Matcher:
         from mffdrake.recognition._structs import Rules, Samples, Solid  # numba: slow to import
 
         m, solid, p = self.search_model, self.solid, self.parameters
+        names = list(dict.fromkeys(solid.materials))
+        kinds, alike = material_numbers(solid), self.colors.alike(names)
+        bits = self.colors.bits_of(solid.materials)
         return (
             Solid(
-                solid.vertices, solid.edges, solid.edge_faces, solid.normals, solid.centers,
-                solid.vertices.mean(axis=0), self._bits, self._alike,
+                find_outlines(solid, alike), solid.normals, solid.centers,
+                solid.vertices.mean(axis=0), bits, np.bitwise_or.reduce(bits), kinds, alike,
             ),
             Samples(
-                np.ascontiguousarray(m.inside_points.T), m.inside_start,
+                find_sight(m, alike),
+                np.ascontiguousarray(m.inside_points.T), m.inside_start, m.inside_sides,
                 m.inside_distances, m.inside_distances.min(axis=1),
-                m.side_centers, m.side_directions,
-                np.ascontiguousarray(m.edge_points.T), m.edge_start,
-                m.edge_directions, m.strip_offsets,
+                m.face_sides, m.face_sides_start, int(np.diff(m.face_sides_start).max()),
+                m.sides.centers, m.sides.directions, m.sides.inward,
+                np.ascontiguousarray(m.edge_points.T), m.edge_directions,
+                solid.edge_faces, solid.edge_inward, m.strip_offsets,
             ),
             Rules(float(p.min_cosine), float(p.min_border_distance)),
         )  # fmt: skip

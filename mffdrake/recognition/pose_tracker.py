@@ -20,7 +20,8 @@ from mffdrake.recognition.pose_motion import quaternion_rate_matrix
 from mffdrake.recognition.refinement import BorderRefiner
 from mffdrake.recognition.robust_tracker import RobustTracker
 from mffdrake.recognition.search import Found, PoseSearch
-from mffdrake.recognition.solid_model import SearchModel, SolidModel
+from mffdrake.recognition.search_model import SearchModel
+from mffdrake.recognition.solid_model import SolidModel
 from mffdrake.recognition.starts import NearStart
 from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.tracking_state import TrackingState

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mffdrake.recognition.aspects import as_drawn
 from mffdrake.recognition.genetic import SearchRange
 from mffdrake.recognition.matching import Matcher
 from mffdrake.recognition.pose import quaternion_scalar, quaternion_vector
@@ -216,7 +217,14 @@ class Proposer:
             lower, upper = span.lower[3:] - _MARGIN, span.upper[3:] + _MARGIN
             allowed |= ((eps >= lower) & (eps <= upper)).all(axis=1)
         distance = 0.5 * (self._bounds.nearest + self._bounds.farthest)
-        table: Looks = _looks.make_looks(
-            self.matcher.struct, self._face_classes, self._num_colors, distance, turns[allowed]
-        )
+        solid, turns = self.matcher.solid, turns[allowed]
+        classes, count = self._face_classes, self._num_colors
+        table: Looks
+        if solid.is_plain:
+            corners = _looks.Corners(solid.vertices, solid.edges, solid.edge_faces)
+            struct = self.matcher.struct
+            table = _looks.make_looks(struct, corners, classes, count, distance, turns)
+        else:
+            drawn = as_drawn(solid, self.matcher.struct.alike)
+            table = _looks.draw_looks(drawn, classes, count, distance, turns)
         return table

@@ -21,7 +21,8 @@ from mffdrake.recognition.refinement import (
     RefinementParameters,
 )
 from mffdrake.recognition.robust_tracker import RobustTracker
-from mffdrake.recognition.solid_model import SamplingParameters, SearchModel, SolidModel
+from mffdrake.recognition.search_model import SamplingParameters, SearchModel
+from mffdrake.recognition.solid_model import SolidModel
 from mffdrake.recognition.starts import NearStart, RandomStart, Start
 from mffdrake.recognition.tracker import OneStepGaTracker
 from mffdrake.recognition.white_balance import AdaptiveWhiteBalance, FixedWhiteBalance

@@ -17,6 +17,7 @@ from synthetic import (
 )
 
 from mffdrake.recognition import Camera, CameraRig, Distortion, Matcher, SearchModel, SolidModel
+from mffdrake.recognition.aspects import as_drawn
 from mffdrake.recognition.pose import quaternion_scalar
 
 _blobs = pytest.importorskip("mffdrake.recognition._blobs")
@@ -263,7 +264,13 @@ def test_looks_are_those_of_the_solid_s_images(name):
     by_bit = np.arange(32, dtype=np.int8)
     classes = np.array([matcher.colors.names.index(m) for m in solid.materials], dtype=np.int8)
     num_colors, turns = len(matcher.colors.names), _looks.spread_turns(60)
-    table = _looks.make_looks(matcher.struct, classes, num_colors, distance, turns)
+    corners = _looks.Corners(solid.vertices, solid.edges, solid.edge_faces)
+    table = _looks.make_looks(matcher.struct, corners, classes, num_colors, distance, turns)
+    drawn = as_drawn(solid, matcher.struct.alike)
+    coarse = _looks.draw_looks(drawn, classes, num_colors, distance, turns)
+    np.testing.assert_allclose(coarse.area, table.area, rtol=0.06)
+    np.testing.assert_allclose(coarse.center, table.center, atol=0.002)
+    np.testing.assert_allclose(coarse.looks, table.looks, atol=0.02)
     grid = grid_of(camera)
     for turn, area, center, expected in zip(
         turns, table.area, table.center, table.looks, strict=True

@@ -32,7 +32,7 @@ def some_pose(rng, degrees):
 def found(psi, images):
     """Scene, lines and trusted borders at a pose."""
     scene = REFINER.matcher.scene(images)
-    lines = _edge_lines.edge_lines(psi, scene.solid.vertices, scene.solid.edges, scene.views)
+    lines = _edge_lines.edge_lines(psi, scene.solid, scene.views)
     stage, rules = borders_module.Stage(3, 1, 8), REFINER.rules
     borders = borders_module.find_borders(psi, lines, scene, rules, stage)[0].copy()
     borders["weight"] = 1.0
@@ -103,7 +103,7 @@ def test_the_center_does_not_depend_on_where_the_steps_begin():
     scene, lines, borders = found(psi, render(BOX, psi, RIG))
     _, x, covariance = _centering.center(psi, lines, borders, scene)
     start = _edge_lines.move(psi, np.linalg.cholesky(covariance) @ rng.normal(size=6))
-    _edge_lines.move_lines(lines, start, BOX.vertices, BOX.edges, scene.views, True)
+    _edge_lines.move_lines(lines, start, scene.solid, scene.views, True)
     centered, y, _ = _centering.center(start, lines, borders, scene)
     assert centered
     one, other = _edge_lines.move(psi, x), _edge_lines.move(start, y)

@@ -94,10 +94,15 @@ def root_mean_square(values):
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 
+def struct_of(solid, rig=RIG):
+    """The solid as compiled functions take it."""
+    return Matcher(SearchModel(solid), rig).struct
+
+
 def lines_at(psi, solid=BOX, rig=RIG):
     """The lines of all slots."""
     black = [np.zeros((c.height, c.width, 3), dtype=np.uint8) for c in rig.cameras]
-    return _edge_lines.edge_lines(np.asarray(psi), solid.vertices, solid.edges, rig.views(black))
+    return _edge_lines.edge_lines(np.asarray(psi), struct_of(solid, rig), rig.views(black))
 
 
 def borders_at(psi, images, solid=BOX, rig=RIG, **parameters):
@@ -222,8 +227,7 @@ def test_the_jacobian_is_the_numerical_derivative(name, rig):
             assert _edge_lines.move_lines(
                 moved[i, sign],
                 _edge_lines.move(psi, step),
-                solid.vertices,
-                solid.edges,
+                struct_of(solid, rig),
                 views,
                 True,
             )

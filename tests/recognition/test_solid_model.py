@@ -1,6 +1,7 @@
 """Colored solids, files of them, and the points they are sampled at: equations (19), (20)."""
 
 import colorsys
+import itertools
 import math
 from pathlib import Path
 
@@ -130,30 +131,95 @@ def test_hues_and_faces_must_be_equally_many():
         SolidModel(box.vertices, box.faces, box.hues[:5])
 
 
-def test_open_solids_are_rejected():
-    box = paper_box()
-    with pytest.raises(ValueError, match="closed"):
-        SolidModel(box.vertices, box.faces[:5], box.hues[:5])
+def test_a_solid_with_a_dent_is_none_that_is_convex():
+    assert SolidModel(*box_with_a_roof(0.120), np.zeros(9)).is_convex
+    dented = SolidModel(*box_with_a_roof(0.020), np.zeros(9))
+    assert not dented.is_convex and not dented.is_plain
+    assert len(dented.edges) == 16
 
 
-def test_solids_with_a_dent_are_rejected():
-    assert len(SolidModel(*box_with_a_roof(0.120), np.zeros(9)).edges) == 16
-    with pytest.raises(ValueError, match="not convex"):
-        SolidModel(*box_with_a_roof(0.020), np.zeros(9))
-
-
-def test_l_shaped_solids_are_rejected():
+def l_shape():
     outline = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]) * 0.05
     vertices = [(*p, z) for z in (0.0, 0.1) for p in outline]
     sides = [(i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i) for i in range(6)]
-    faces = [tuple(range(5, -1, -1)), tuple(range(6, 12)), *sides]
-    with pytest.raises(ValueError, match="not convex"):
-        SolidModel(vertices, faces, np.zeros(8))
+    return vertices, [tuple(range(5, -1, -1)), tuple(range(6, 12)), *sides]
 
 
-def test_faces_listed_clockwise_are_rejected():
+def test_an_l_is_cut_into_triangles_that_cover_its_faces():
+    vertices, faces = l_shape()
+    solid = SolidModel(vertices, faces, np.zeros(8))
+    assert not solid.is_convex and len(solid.edges) == 18
+    corners = solid.vertices[solid.triangles]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.einsum("tk,tk->", doubled, corners[:, 0]) / 6 == pytest.approx(3 * 0.05**2 * 0.1)
+    for face in range(8):
+        mine = doubled[solid.triangle_faces == face]
+        np.testing.assert_allclose(mine.sum(axis=0) / 2, solid.areas[face] * solid.normals[face])
+        assert (mine @ solid.normals[face] > 0).all()
+    np.testing.assert_allclose(solid.areas[:2], 3 * 0.05**2)
+
+
+def test_vectors_into_the_faces_at_an_edge_lie_in_them():
+    solid = SolidModel(*l_shape(), np.zeros(8))
+    for ends, faces, inward in zip(solid.edges, solid.edge_faces, solid.edge_inward, strict=True):
+        middle = solid.vertices[ends].mean(axis=0)
+        for face, into in zip(faces, inward, strict=True):
+            assert abs(into @ solid.normals[face]) < 1e-12
+            point = middle + 1e-3 * into
+            inside = [
+                all(
+                    np.cross(b - a, point - a) @ solid.normals[face] > 0
+                    for a, b in ((p, q), (q, r), (r, p))
+                )
+                for p, q, r in solid.vertices[solid.triangles[solid.triangle_faces == face]]
+            ]
+            assert any(inside)
+
+
+def _without(face):
     box = paper_box()
-    with pytest.raises(ValueError, match="clockwise"):
+    kept = [k for k in range(6) if k != face]
+    return [box.vertices, [box.faces[k] for k in kept], box.hues[kept]]
+
+
+def _turned(face):
+    box = paper_box()
+    faces = list(box.faces)
+    faces[face] = faces[face][::-1]
+    return [box.vertices, faces, box.hues]
+
+
+def _with_a_fin():
+    box = paper_box()
+    a, b = box.faces[4][:2]
+    return [
+        np.vstack([box.vertices, [0.0, 0.0, 0.3]]),
+        [*box.faces, (a, b, 8), (b, a, 8)],
+        np.append(box.hues, [0.0, 0.0]),
+    ]
+
+
+WRONG = {
+    "open": (_without(4), r"open at the edge from \(.*\) m to \(.*\) m, which has face \d alone"),
+    "turned": (_turned(2), r"at the edge from .* one of them is listed clockwise.*turn it around"),
+    "fin": (_with_a_fin(), r"the edge from .* has 4 faces instead of two; make parts"),
+    "flat": (
+        [[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (2, 1, 0)], [0.0, 0.0]],
+        "encloses no volume",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_surface_that_encloses_no_solid_is_told_with_the_place_and_the_remedy(name):
+    arguments, message = WRONG[name]
+    with pytest.raises(ValueError, match=message):
+        SolidModel(*arguments)
+
+
+def test_a_solid_turned_inside_out_is_told():
+    box = paper_box()
+    with pytest.raises(ValueError, match="inside out .*clockwise.*turn all faces around"):
         SolidModel(box.vertices, [face[::-1] for face in box.faces], box.hues)
 
 
@@ -221,17 +287,148 @@ def test_missing_files_are_named(tmp_path):
         SolidModel.from_mesh_file(tmp_path / "nothing_here.obj")
 
 
-def test_dents_in_a_file_are_rejected(tmp_path):
+def test_a_dent_in_a_file_is_read(tmp_path):
     path = write_obj(tmp_path, *box_with_a_roof(0.020), [(1, 0, 0)] * 9)
-    with pytest.raises(ValueError, match="not convex"):
-        SolidModel.from_mesh_file(path)
+    assert not SolidModel.from_mesh_file(path).is_convex
 
 
 def test_open_meshes_in_a_file_are_rejected(tmp_path):
     box = paper_box()
     path = write_obj(tmp_path, box.vertices, box.faces[:5], colors_of(box)[:5])
-    with pytest.raises(ValueError, match="closed"):
+    with pytest.raises(ValueError, match=r"solid\.obj: not a closed solid: open at the edge"):
         SolidModel.from_mesh_file(path)
+
+
+def test_sides_that_neighbors_part_in_two_are_one_edge_each(tmp_path):
+    """A quarter of the top is of another color: its neighbors' sides end where it does."""
+    box = paper_box()
+    x, y, z = 0.05, 0.075, 0.1
+    extra = [(0, y, z), (x, 0, z), (0, 0, z), (0, -y, z), (-x, 0, z)]
+    vertices = np.vstack([box.vertices, extra])
+    at = {tuple(p): k for k, p in enumerate(vertices.round(6).tolist())}
+
+    def face(*points):
+        return tuple(at[p] for p in points)
+
+    faces = [
+        face((x, -y, -z), (x, y, -z), (x, y, z), (x, 0, z), (x, -y, z)),
+        box.faces[1],
+        face((-x, y, -z), (-x, y, z), (0, y, z), (x, y, z), (x, y, -z)),
+        box.faces[3],
+        face((0, 0, z), (x, 0, z), (x, y, z), (0, y, z)),
+        face((-x, -y, z), (x, -y, z), (x, 0, z), (0, 0, z), (0, y, z), (-x, y, z)),
+        box.faces[5],
+    ]
+    colors = [(1, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1, 0), (1, 1, 0), (0, 0, 1), (0, 0, 1)]
+    solid = SolidModel.from_mesh_file(write_obj(tmp_path, vertices, faces, colors))
+    assert len(solid.faces) == 7 and not solid.smooth.any()
+    # The box's 12, two of which are parted, and two of the quarter's own
+    assert len(solid.edges) == 16
+    assert solid.areas[solid.materials.index("m4")] == pytest.approx(x * y)
+
+
+def test_triangles_without_area_are_taken_in(tmp_path):
+    box = paper_box()
+    a, b, c, d = box.faces[4]
+    middle = 0.5 * (box.vertices[a] + box.vertices[b])
+    # A corner in the middle of a side that the neighbor does not have, and a sliver that fills in
+    faces = [*box.faces[:4], (a, 8, d), (8, c, d), (8, b, c), (a, b, 8), box.faces[5]]
+    colors = [(1, 0, 0)] * 2 + [(0, 1, 0)] * 2 + [(0, 0, 1)] * 3 + [(1, 0, 0)] + [(0, 0, 1)]
+    vertices = np.vstack([box.vertices, middle])
+    solid = SolidModel.from_mesh_file(write_obj(tmp_path, vertices, faces, colors))
+    assert as_sets(solid) == as_sets(box)
+
+
+def mug(n=32):
+    """Corners and faces of a hollow body of revolution, and a number for each face's color."""
+    profile = [(0, -6), (4.5, -6), (4.5, 6), (3.8, 6), (3.8, -5), (0, -5)]
+    vertices, rings = [], []
+    for r, z in profile:
+        count = n if r else 1
+        rings.append(list(range(len(vertices), len(vertices) + count)))
+        angles = 2 * np.pi * np.arange(count) / n
+        vertices += [(0.01 * r * np.cos(a), 0.01 * r * np.sin(a), 0.01 * z) for a in angles]
+    faces, kinds = [], []
+    for k, (low, high) in enumerate(itertools.pairwise(rings)):
+        for i in range(n):
+            j = (i + 1) % n
+            quad = (low[i % len(low)], low[j % len(low)], high[j % len(high)], high[i % len(high)])
+            faces.append(tuple(dict.fromkeys(quad)))
+            kinds.append(k)
+    return np.array(vertices), faces, np.array(kinds)
+
+
+def test_curved_surfaces_are_told_from_edges(tmp_path):
+    n = 32
+    vertices, faces, kinds = mug(n)
+    palette = [(1, 1, 0), (1, 0, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
+    path = write_obj(tmp_path, vertices, faces, [palette[k] for k in kinds])
+    solid = SolidModel.from_mesh_file(path)
+    # Bottom, rim and the bottom inside are plane; the walls are n facets each.
+    assert len(solid.faces) == 3 + 2 * n and solid.patches.max() + 1 == 5
+    assert solid.smooth.sum() == 2 * n
+    assert sum(map(len, solid.holes)) == 1  # the rim's
+    # All lines go on as curves: four circles, and the walls' straight lines.
+    assert solid.continues.all() and len(solid.edges) == 6 * n
+
+
+def colored_box():
+    """The paper's box as triangles with corners of their own, and each one's color (0-255)."""
+    import trimesh
+
+    box = paper_box()
+    order = np.argsort(box.triangle_faces, kind="stable")
+    corners = box.vertices[box.triangles[order]]
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
+    return mesh, 255 * np.repeat(np.eye(3, dtype=np.uint8)[[0, 0, 1, 1, 2, 2]], 2, axis=0)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "glb"])
+def test_colors_may_be_those_of_corners(suffix, tmp_path):
+    mesh, colors = colored_box()
+    mesh.visual.vertex_colors = np.repeat(colors, 3, axis=0)
+    mesh.export(tmp_path / f"box.{suffix}")
+    assert as_sets(SolidModel.from_mesh_file(tmp_path / f"box.{suffix}")) == as_sets(paper_box())
+
+
+def test_colors_may_be_those_of_faces(tmp_path):
+    mesh, colors = colored_box()
+    mesh.visual.face_colors = colors
+    mesh.export(tmp_path / "box.ply")
+    assert as_sets(SolidModel.from_mesh_file(tmp_path / "box.ply")) == as_sets(paper_box())
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_colors_may_be_the_means_of_a_texture(suffix, tmp_path):
+    import trimesh
+    from PIL import Image
+
+    mesh, colors = colored_box()
+    stripes = np.repeat(np.eye(3, dtype=np.uint8)[None] * 255, 8, axis=0).repeat(8, axis=1)
+    middle = (np.argmax(colors, axis=1) + 0.5) / 3.0
+    offsets = np.array([(-0.1, 0.1), (0.1, 0.1), (0.0, 0.9)])
+    uv = np.stack([middle[:, None] + offsets[:, 0], np.tile(offsets[:, 1], (12, 1))], axis=-1)
+    mesh.visual = trimesh.visual.TextureVisuals(
+        uv=uv.reshape(-1, 2), image=Image.fromarray(stripes)
+    )
+    mesh.export(tmp_path / f"box.{suffix}")
+    assert as_sets(SolidModel.from_mesh_file(tmp_path / f"box.{suffix}")) == as_sets(paper_box())
+
+
+def test_a_mesh_without_colors_says_what_to_do(tmp_path):
+    mesh, _ = colored_box()
+    mesh.export(tmp_path / "box.stl")
+    with pytest.raises(ValueError, match=r"box\.stl: the mesh has no colors.*OBJ with MTL"):
+        SolidModel.from_mesh_file(tmp_path / "box.stl")
+
+
+def test_what_is_no_mesh_is_told(tmp_path):
+    (tmp_path / "box.ply").write_text("no mesh at all")
+    with pytest.raises(ValueError, match=r"box\.ply: this is no mesh file that can be read"):
+        SolidModel.from_mesh_file(tmp_path / "box.ply")
+    (tmp_path / "box.doc").write_text("")
+    with pytest.raises(ValueError, match=r"box\.doc: meshes are \.obj, .* files; convert"):
+        SolidModel.from_mesh_file(tmp_path / "box.doc")
 
 
 # Sampling
@@ -297,7 +494,12 @@ def test_inside_points_lie_in_their_face_no_nearer_to_its_edges_than_the_margin(
         middle = side_distances(solid, face, normal, solid.centers[k : k + 1])
         if margin is not None and middle.min() > margin:
             assert distances.min() >= margin - 1e-8
+        own = model.face_sides[slice(*model.face_sides_start[k : k + 2])]
+        assert (model.sides.faces[own] == k).all() and len(own) == len(face)
         np.testing.assert_allclose(model.inside_distances[part, : len(face)], distances, atol=1e-14)
+        np.testing.assert_array_equal(
+            model.inside_sides[part, : len(face)], [range(len(face))] * len(points)
+        )
         assert np.isposinf(model.inside_distances[part, len(face) :]).all()
         assert len(np.unique(points.round(9), axis=0)) == len(points)
 
@@ -347,13 +549,19 @@ def test_small_edges_and_faces_have_least_numbers_of_cells(min_cells):
 
 @solids
 def test_sides_are_listed_with_their_middle_and_direction(solid):
-    model = SearchModel(solid)
-    for k, face in enumerate(solid.faces):
-        for s, (i, j) in enumerate(sides_of(face)):
+    sides = SearchModel(solid).sides
+    k = 0
+    for f, face in enumerate(solid.faces):
+        for i, j in sides_of(face):
             a, b = solid.vertices[[i, j]]
-            np.testing.assert_allclose(model.side_centers[k, s], 0.5 * (a + b), atol=1e-15)
             direction = (b - a) / np.linalg.norm(b - a)
-            np.testing.assert_allclose(model.side_directions[k, s], direction, atol=1e-15)
+            np.testing.assert_allclose(sides.centers[k], 0.5 * (a + b), atol=1e-15)
+            np.testing.assert_allclose(sides.starts[k], a)
+            np.testing.assert_allclose(sides.directions[k], direction, atol=1e-15)
+            np.testing.assert_allclose(sides.inward[k], np.cross(solid.normals[f], direction))
+            assert sides.faces[k] == f
+            k += 1
+    assert k == len(sides.faces)
 
 
 def test_strip_offsets_are_passed_on():

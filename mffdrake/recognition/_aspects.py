@@ -1,0 +1,310 @@
+"""What is seen of a solid from many sides, by drawing it (numba). Import only where it runs.
+
+Directions from a solid's middle to a camera are told apart by an octahedron that is unfolded to a
+square of ``grid x grid`` fields; a field is an *aspect*. With a grid of 0 there is one for all.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+States = NDArray[np.uint32]
+
+CONTOUR, CREASE, FREE, FIRST_ROW = 1, 2, 4, 8
+"""What an edge's point is: between a visible and a hidden face, or between two visible ones; seen,
+with the face, and nothing else of its color behind it; and, from this bit on, whether each row of
+the strip lies outside the solid there."""
+
+_RESOLUTION = 192  # pixels across
+_DISTANCE = 3.0  # of the camera from the solid, in sizes of it
+_BESIDE = 1.5  # pixels: so far from an edge its face and what is behind it are looked at
+_DEPTH_TOLERANCE = 3.0  # pixels
+
+
+class Drawn(NamedTuple):
+    """A solid to be drawn.
+
+    Attributes:
+        vertices: Corner points [m], shape (V, 3).
+        triangles: Their corners, shape (T, 3).
+        triangle_faces: The face of each, shape (T,).
+        normals: Of the faces, shape (F, 3).
+        centers: Of the faces [m], shape (F, 3).
+        kinds: Numbers of the faces' materials, shape (F,).
+        alike: Which materials look alike, shape (C, C).
+        middle: The point that all cameras look at [m], shape (3,).
+        radius: That of the ball about it that holds the solid [m].
+    """
+
+    vertices: Array
+    triangles: IntArray
+    triangle_faces: IntArray
+    normals: Array
+    centers: Array
+    kinds: IntArray
+    alike: NDArray[np.bool_]
+    middle: Array
+    radius: float
+
+
+class Marks(NamedTuple):
+    """Points of a solid.
+
+    Attributes:
+        inside: Points on faces [m], shape (P, 3).
+        inside_faces: Their faces, shape (P,).
+        edges: Points on edges [m], shape (Q, 3).
+        directions: Unit vectors along the edges there, shape (Q, 3).
+        edge_faces: The two faces of the edges there, shape (Q, 2).
+        inward: Unit vectors into them, across the edge, shape (Q, 2, 3).
+        offsets: Distances of the strip's rows [m], shape (K,).
+    """
+
+    inside: Array
+    inside_faces: IntArray
+    edges: Array
+    directions: Array
+    edge_faces: IntArray
+    inward: Array
+    offsets: Array
+
+
+@njit(cache=True, error_model="numpy")
+def aspect_of(x: float, y: float, z: float, grid: int) -> int:
+    """The aspect of a direction."""
+    if grid == 0:
+        return 0
+    total = abs(x) + abs(y) + abs(z)
+    u, v = x / total, y / total
+    if z < 0.0:
+        u, v = (
+            (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0),
+            (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0),
+        )
+    i = min(grid - 1, max(0, int(0.5 * (u + 1.0) * grid)))
+    j = min(grid - 1, max(0, int(0.5 * (v + 1.0) * grid)))
+    return i * grid + j
+
+
+@njit(cache=True, error_model="numpy")
+def corner_direction(i: int, j: int, grid: int) -> Array:
+    """The direction at a corner of the aspects, i and j from 0 to grid; a unit vector."""
+    u, v = 2.0 * i / grid - 1.0, 2.0 * j / grid - 1.0
+    z = 1.0 - abs(u) - abs(v)
+    x, y = u, v
+    if z < 0.0:
+        x = (1.0 - abs(v)) * (1.0 if u >= 0.0 else -1.0)
+        y = (1.0 - abs(u)) * (1.0 if v >= 0.0 else -1.0)
+    direction = np.array([x, y, z])
+    return direction / math.sqrt(x * x + y * y + z * z)
+
+
+class Canvas(NamedTuple):
+    """What is drawn: inverse depth [1/m] and face of each pixel, -1 for none, shape (n, n)."""
+
+    closeness: Array
+    faces: IntArray
+
+
+class Camera(NamedTuple):
+    """Where it is.
+
+    Attributes:
+        axes: Its axes in the solid's frame as rows; the last one is the line of sight.
+        place: Its place [m].
+        focal: Its focal length [px].
+    """
+
+    axes: Array
+    place: Array
+    focal: float
+
+
+@njit(cache=True, error_model="numpy")
+def camera_at(direction: Array, drawn: Drawn, distance: float, resolution: int) -> Camera:
+    """A camera that looks at a solid's middle from a direction."""
+    axes = np.empty((3, 3))
+    axes[2] = -direction
+    least = np.argmin(np.abs(direction))
+    across = np.zeros(3)
+    across[least] = 1.0
+    axes[0] = np.cross(across, axes[2])
+    axes[0] /= math.sqrt((axes[0] ** 2).sum())
+    axes[1] = np.cross(axes[2], axes[0])
+    tangent = drawn.radius / math.sqrt(distance**2 - drawn.radius**2)
+    return Camera(axes, drawn.middle + distance * direction, 0.49 * resolution / tangent)
+
+
+@njit(cache=True, error_model="numpy")
+def project(camera: Camera, point: Array, half: float) -> tuple[float, float, float]:
+    """Pixel coordinates and depth [m] of a point; pixel centers are whole numbers."""
+    dx, dy, dz = (
+        point[0] - camera.place[0], point[1] - camera.place[1], point[2] - camera.place[2]
+    )  # fmt: skip
+    A = camera.axes
+    x = A[0, 0] * dx + A[0, 1] * dy + A[0, 2] * dz
+    y = A[1, 0] * dx + A[1, 1] * dy + A[1, 2] * dz
+    z = A[2, 0] * dx + A[2, 1] * dy + A[2, 2] * dz
+    return camera.focal * x / z + half - 0.5, camera.focal * y / z + half - 0.5, z
+
+
+@njit(cache=True, error_model="numpy")
+def draw(camera: Camera, drawn: Drawn, canvas: Canvas) -> None:
+    """Draws all triangles that face the camera."""
+    n = len(canvas.faces)
+    half = 0.5 * n
+    canvas.closeness[:] = 0.0
+    canvas.faces[:] = -1
+    seen = np.empty((len(drawn.vertices), 3))
+    for k in range(len(seen)):
+        seen[k] = project(camera, drawn.vertices[k], half)
+    for t in range(len(drawn.triangles)):
+        a, b, c = drawn.triangles[t]
+        ax, ay, az = seen[a]
+        bx, by, bz = seen[b]
+        cx, cy, cz = seen[c]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        # Counterclockwise seen from outside is clockwise in an image with y downward.
+        if area >= 0.0:
+            continue
+        left, right = max(0, math.ceil(min(ax, bx, cx))), min(n - 1, math.floor(max(ax, bx, cx)))
+        top, bottom = max(0, math.ceil(min(ay, by, cy))), min(n - 1, math.floor(max(ay, by, cy)))
+        face = drawn.triangle_faces[t]
+        for y in range(int(top), int(bottom) + 1):
+            for x in range(int(left), int(right) + 1):
+                wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
+                wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
+                wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
+                if wa <= 0.0 and wb <= 0.0 and wc <= 0.0:
+                    closeness = (wa / az + wb / bz + wc / cz) / area
+                    if closeness > canvas.closeness[y, x]:
+                        canvas.closeness[y, x], canvas.faces[y, x] = closeness, face
+
+
+@njit(cache=True, error_model="numpy")
+def _is_seen(camera: Camera, canvas: Canvas, point: Array, face: int) -> bool:
+    """Whether a point of a face that looks at the camera is hidden by nothing."""
+    n = len(canvas.faces)
+    u, v, z = project(camera, point, 0.5 * n)
+    x, y = math.floor(u + 0.5), math.floor(v + 0.5)
+    tolerance = _DEPTH_TOLERANCE * z / camera.focal
+    for i in range(max(0, y - 1), min(n, y + 2)):
+        for j in range(max(0, x - 1), min(n, x + 2)):
+            there = canvas.faces[i, j]
+            if there < 0:
+                continue
+            depth = 1.0 / canvas.closeness[i, j]
+            if depth > z - tolerance:
+                return True
+            # A face that is seen obliquely is much nearer or farther beside the point.
+            if there == face:
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _face_at(camera: Camera, canvas: Canvas, x: float, y: float, z: float) -> int:
+    """The face that is drawn where a point is, -1 for none."""
+    n = len(canvas.faces)
+    u, v, _ = project(camera, np.array([x, y, z]), 0.5 * n)
+    i, j = math.floor(v + 0.5), math.floor(u + 0.5)
+    if not (0 <= i < n and 0 <= j < n):
+        return -1
+    return canvas.faces[i, j]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def survey(
+    grid: int, first: int, last: int, drawn: Drawn, marks: Marks
+) -> tuple[NDArray[np.bool_], States, NDArray[np.bool_]]:
+    """What is seen of points from the corners of the aspects, from ``first`` to ``last`` - 1.
+
+    Returns which inside points are hidden though their face looks at the camera, shape (N, P); the
+    states of the edges' points, shape (N, Q); and which faces look at the camera, shape (N, F).
+    """
+    count = last - first
+    hidden = np.zeros((count, len(marks.inside)), dtype=np.bool_)
+    states = np.zeros((count, len(marks.edges)), dtype=np.uint32)
+    facing = np.zeros((count, len(drawn.normals)), dtype=np.bool_)
+    canvas = Canvas(
+        np.empty((_RESOLUTION, _RESOLUTION)),
+        np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
+    )
+    size = 2.0 * drawn.radius
+    for k in range(count):
+        i, j = (first + k) // (grid + 1), (first + k) % (grid + 1)
+        direction = corner_direction(i, j, grid)
+        camera = camera_at(direction, drawn, _DISTANCE * size, _RESOLUTION)
+        draw(camera, drawn, canvas)
+        eye = camera.place
+        for f in range(len(drawn.normals)):
+            toward = 0.0
+            for axis in range(3):
+                toward += drawn.normals[f, axis] * (eye[axis] - drawn.centers[f, axis])
+            facing[k, f] = toward > 0.0
+        for p in range(len(marks.inside)):
+            face = marks.inside_faces[p]
+            if facing[k, face]:
+                hidden[k, p] = not _is_seen(camera, canvas, marks.inside[p], face)
+        for q in range(len(marks.edges)):
+            states[k, q] = _edge_state(camera, canvas, drawn, marks, q, facing[k])
+    return hidden, states, facing
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_state(
+    camera: Camera,
+    canvas: Canvas,
+    drawn: Drawn,
+    marks: Marks,
+    q: int,
+    facing: NDArray[np.bool_],
+) -> int:
+    """The state of a point on an edge."""
+    first, second = marks.edge_faces[q]
+    if not (facing[first] or facing[second]):
+        return 0
+    point, eye = marks.edges[q], camera.place
+    state = CREASE
+    inside = first
+    if facing[first] != facing[second]:
+        state = CONTOUR
+        inside = first if facing[first] else second
+    else:
+        best = -1.0
+        for face in (first, second):
+            toward = 0.0
+            for axis in range(3):
+                toward += drawn.normals[face, axis] * (eye[axis] - point[axis])
+            if toward > best:
+                best, inside = toward, face
+    m = marks.inward[q, 0] if inside == first else marks.inward[q, 1]
+    depth = 0.0
+    for axis in range(3):
+        depth += camera.axes[2, axis] * (point[axis] - eye[axis])
+    pixel = depth / camera.focal
+    # Across the edge as it is seen, away from the face
+    n = np.cross(marks.directions[q], point - eye)
+    n /= math.sqrt((n**2).sum())
+    if (n * m).sum() > 0.0:
+        n = -n
+    if not _is_seen(camera, canvas, point + _BESIDE * pixel * m, inside):
+        return state
+    if state == CREASE:
+        return state | FREE
+    beyond = point + (1.0 + _BESIDE) * pixel * n
+    behind = _face_at(camera, canvas, beyond[0], beyond[1], beyond[2])
+    if behind < 0 or not drawn.alike[drawn.kinds[inside], drawn.kinds[behind]]:
+        state |= FREE
+    for k in range(len(marks.offsets)):
+        row = point + max(marks.offsets[k], (1.0 + _BESIDE) * pixel) * n
+        if _face_at(camera, canvas, row[0], row[1], row[2]) < 0:
+            state |= FIRST_ROW << k
+    return state

@@ -1,0 +1,232 @@
+"""What is seen of a solid from where: which edges, and which points.
+
+Of a convex solid with few edges the faces' normals tell it. Of any other one it is found out
+beforehand, by drawing it from the corners of many *aspects* (ranges of directions): what counts in
+an aspect is what holds at all of its corners. A pose's aspect is then looked up.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.recognition.search_model import SearchModel
+from mffdrake.recognition.solid_model import SolidModel
+
+if TYPE_CHECKING:
+    from mffdrake.recognition._aspects import Drawn
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+GRID = 32  # aspects along and across, 6 degrees wide
+_PIECES = 40  # Edges are looked at in so many places over the solid's size.
+
+
+class Outlines(NamedTuple):
+    """The edges, and parts of edges, along which an image may show a border.
+
+    Attributes:
+        grid: That of the aspects, see `_aspects`.
+        start: Where each aspect's segments start in ``segments``, shape (A + 1,).
+        segments: Numbers of the segments, aspect by aspect.
+        ends: Of each segment [m], shape (M, 2, 3).
+        faces: The two faces that meet there, shape (M, 2).
+        inward: Unit vectors into those, across the segment, shape (M, 2, 3).
+        stops: 1 where a segment stops at an end, 0 where it goes on as a curve, shape (M, 2).
+        smooth: Whether it is but a bend of a curved surface, shape (M,).
+    """
+
+    grid: int
+    start: IntArray
+    segments: IntArray
+    ends: Array
+    faces: IntArray
+    inward: Array
+    stops: Array
+    smooth: Flags
+
+
+class Sight(NamedTuple):
+    """Which of a search model's points count.
+
+    Attributes:
+        grid: That of the aspects, see `_aspects`.
+        faces_start: Where each aspect's faces start in ``faces``, shape (A + 1,).
+        faces: Numbers of the faces that may be seen and whose points or edges count.
+        shown: Whether nothing hides an inside point, shape (A, P).
+        edges_start: Where each aspect's edges start in ``edges``, shape (A + 1,).
+        edges: Numbers of the edges that may be silhouettes, aspect by aspect.
+        points_start: Where each of those entries' points start in ``points``.
+        points: Numbers of the edges' points that count.
+        rows: For each of them one bit for each row of the strip that does.
+    """
+
+    grid: int
+    faces_start: IntArray
+    faces: IntArray
+    shown: Flags
+    edges_start: IntArray
+    edges: IntArray
+    points_start: IntArray
+    points: IntArray
+    rows: NDArray[np.uint32]
+
+
+def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
+    """The segments that may be borders.
+
+    Args:
+        solid: The solid.
+        alike: Which two of its faces' materials (by `material_numbers`) look alike, shape (C, C).
+    """
+    ends = solid.vertices[solid.edges]
+    if solid.is_plain:
+        every = np.arange(len(solid.edges))
+        return Outlines(
+            0, np.array([0, len(every)]), every, ends, solid.edge_faces, solid.edge_inward,
+            np.where(solid.continues, 0.0, 1.0), solid.smooth,
+        )  # fmt: skip
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    counts = np.maximum(1, np.ceil(lengths * _PIECES / solid.size)).astype(np.int64)
+    edge = np.repeat(np.arange(len(counts)), counts)
+    piece = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = (piece + 0.5) / counts[edge]
+    points = ends[edge, 0] + share[:, None] * (ends[edge, 1] - ends[edge, 0])
+    _, states, _ = _survey(
+        solid, alike, np.empty((0, 3)), np.empty(0, dtype=np.int64), edge, points, np.empty(0)
+    )
+
+    from mffdrake.recognition import _aspects  # numba: slow to import
+
+    # A crease between faces of one color is no border, but where it is a contour.
+    kinds = material_numbers(solid)[solid.edge_faces[edge]]
+    flat = alike[kinds[:, 0], kinds[:, 1]]
+    contour = (states & _aspects.CONTOUR) > 0
+    relevant = contour | (((states & _aspects.CREASE) > 0) & ~flat)
+    free = (states & _aspects.FREE) > 0
+    some, bad = _of_corners(relevant), _of_corners(relevant & ~free)
+    allowed = some & ~bad
+    # Runs of neighboring pieces of an edge
+    padded = np.pad(allowed, ((0, 0), (1, 1)))
+    ahead = np.concatenate([[False], edge[1:] == edge[:-1], [False]])
+    first = padded[:, 1:] & ~(padded[:, :-1] & ahead)
+    begins = np.argwhere(first[:, :-1] & allowed)
+    last = padded[:, :-1] & ~(padded[:, 1:] & ahead)
+    stops_at = np.argwhere(last[:, 1:] & allowed)[:, 1]
+    runs, number = np.unique(
+        np.stack([begins[:, 1], stops_at], axis=1), axis=0, return_inverse=True
+    )
+    start = np.searchsorted(begins[:, 0], np.arange(GRID * GRID + 1))
+    of_edge = edge[runs[:, 0]]
+    shares = np.stack(
+        [piece[runs[:, 0]] / counts[of_edge], (piece[runs[:, 1]] + 1) / counts[of_edge]], axis=1
+    )
+    way = ends[of_edge, 1] - ends[of_edge, 0]
+    cut = ends[of_edge, 0][:, None] + shares[..., None] * way[:, None]
+    stops = np.where((shares == [0.0, 1.0]) & solid.continues[of_edge], 0.0, 1.0)
+    return Outlines(
+        GRID, start, number.reshape(-1), cut, solid.edge_faces[of_edge],
+        solid.edge_inward[of_edge], stops, solid.smooth[of_edge],
+    )  # fmt: skip
+
+
+def find_sight(model: SearchModel, alike: Flags) -> Sight:
+    """Which points of a search model count from where.
+
+    Args:
+        model: The sampled solid.
+        alike: As for `find_outlines`.
+    """
+    solid, offsets = model.solid, model.strip_offsets
+    edge = np.repeat(np.arange(len(solid.edges)), np.diff(model.edge_start))
+    all_rows = np.uint32(2 ** len(offsets) - 1)
+    if solid.is_plain:
+        return Sight(
+            0, np.array([0, len(solid.faces)]), np.arange(len(solid.faces)),
+            np.ones((1, len(model.inside_points)), dtype=bool),
+            np.array([0, len(solid.edges)]), np.arange(len(solid.edges)), model.edge_start,
+            np.arange(len(edge)), np.full(len(edge), all_rows),
+        )  # fmt: skip
+    owners = np.repeat(np.arange(len(solid.faces)), np.diff(model.inside_start))
+    hidden, states, facing = _survey(
+        solid, alike, model.inside_points, owners, edge, model.edge_points, offsets
+    )
+
+    from mffdrake.recognition import _aspects  # numba: slow to import
+
+    contour = (states & _aspects.CONTOUR) > 0
+    rows = np.zeros((GRID * GRID, len(edge)), dtype=np.uint32)
+    some = _of_corners(contour)
+    for k in range(len(offsets)):
+        covered = contour & ((states & (_aspects.FIRST_ROW << k)) == 0)
+        rows |= np.where(some & ~_of_corners(covered), np.uint32(1 << k), np.uint32(0))
+    entry, point = np.nonzero(rows)
+    changes = (np.diff(entry, prepend=-1) != 0) | (np.diff(edge[point], prepend=-1) != 0)
+    heads = np.flatnonzero(changes)
+    edges = edge[point[heads]]
+    # The faces whose visibility has to be known in an aspect
+    needed = _of_corners(facing)
+    needed[:, np.diff(model.inside_start) == 0] = False
+    for face in solid.edge_faces[edges].T:
+        needed[entry[heads], face] = True
+    field, faces = np.nonzero(needed)
+    fields = np.arange(GRID * GRID + 1)
+    return Sight(
+        GRID, np.searchsorted(field, fields), faces, ~_of_corners(hidden),
+        np.searchsorted(entry[heads], fields), edges, np.append(heads, len(point)), point,
+        rows[entry, point],
+    )  # fmt: skip
+
+
+def as_drawn(solid: SolidModel, alike: Flags) -> Drawn:
+    """What the compiled functions draw of a solid; ``alike`` as for `find_outlines`."""
+    from mffdrake.recognition._aspects import Drawn  # numba: slow to import
+
+    middle = solid.vertices.mean(axis=0)
+    radius = float(np.linalg.norm(solid.vertices - middle, axis=1).max())
+    return Drawn(
+        solid.vertices, solid.triangles, solid.triangle_faces, solid.normals, solid.centers,
+        material_numbers(solid), alike, middle, radius,
+    )  # fmt: skip
+
+
+def material_numbers(solid: SolidModel) -> IntArray:
+    """Numbers of the faces' materials, in the order of the first faces that have them, (F,)."""
+    names = list(dict.fromkeys(solid.materials))
+    return np.array([names.index(name) for name in solid.materials], dtype=np.int64)
+
+
+def _of_corners(flags: Flags) -> Flags:
+    """Of each aspect, whether it holds at any of its four corners, shape (A, ...)."""
+    grid = flags.reshape(GRID + 1, GRID + 1, -1)
+    corners = [grid[:-1, :-1], grid[1:, :-1], grid[:-1, 1:], grid[1:, 1:]]
+    together = corners[0] | corners[1] | corners[2] | corners[3]
+    return together.reshape(GRID * GRID, -1)
+
+
+def _survey(
+    solid: SolidModel,
+    alike: Flags,
+    inside: Array,
+    owners: IntArray,
+    edge: IntArray,
+    points: Array,
+    offsets: Array,
+) -> tuple[Flags, NDArray[np.uint32], Flags]:
+    """`_aspects.survey` at all corners of all aspects."""
+    from mffdrake.recognition import _aspects  # numba: slow to import
+
+    way = solid.vertices[solid.edges[:, 1]] - solid.vertices[solid.edges[:, 0]]
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    marks = _aspects.Marks(
+        inside, owners, points, way[edge], solid.edge_faces[edge],
+        solid.edge_inward[edge], offsets,
+    )  # fmt: skip
+    found: tuple[Flags, NDArray[np.uint32], Flags] = _aspects.survey(
+        GRID, 0, (GRID + 1) ** 2, as_drawn(solid, alike), marks
+    )
+    return found
