@@ -28,13 +28,12 @@ from mffdrake.experiment.simulation import Simulate
 from mffdrake.recognition import (
     RefinementParameters,
     RobustTracker,
-    SolidModel,
     TrackerParameters,
 )
 from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
 from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transform_from_pose
-from mffdrake.recognition.symmetry import find_symmetries, turn_about_middle
+from mffdrake.recognition.symmetry import Symmetries, find_symmetries
 
 Array = NDArray[np.float64]
 
@@ -117,12 +116,11 @@ def make_tracker(case: Case, seed: int = 0) -> RobustTracker:
     return tracker
 
 
-def errors(pose: Array, true: Array, solid: SolidModel, symmetries: Array) -> tuple[float, float]:
+def errors(pose: Array, true: Array, symmetries: Symmetries) -> tuple[float, float]:
     """Distance [m] and angle [rad], modulo turns that change nothing that is to be seen."""
-    alike = np.concatenate([true[None], turn_about_middle(true, solid, symmetries)])
-    angles = rotation_angle(alike[:, 3:], pose[3:])
-    best = int(np.argmin(angles))
-    return float(np.linalg.norm(pose[:3] - alike[best, :3])), float(angles[best])
+    alike = symmetries.nearest(true, pose)
+    angle = rotation_angle(alike[3:], pose[3:])
+    return float(np.linalg.norm(pose[:3] - alike[:3])), float(angle)
 
 
 def show(
@@ -130,8 +128,7 @@ def show(
 ) -> Iterator[Frame]:
     """Shows some of a case's poses to a tracker."""
     draw = Renderer(case, renderer)
-    solid = SOLIDS[case.solid]
-    symmetries = find_symmetries(solid)
+    symmetries = find_symmetries(SOLIDS[case.solid])
     for n in poses:
         rng = np.random.default_rng([seed, n])
         true = case.draw_pose(rng)
@@ -151,7 +148,7 @@ def show(
                 generation = tracker.start_population(images, frame=0)
             else:
                 generation = tracker.track(generation, images, frame=k)
-            yield Frame(n, k, generation, *errors(generation.best, true, solid, symmetries))
+            yield Frame(n, k, generation, *errors(generation.best, true, symmetries))
 
 
 def find(

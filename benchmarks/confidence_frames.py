@@ -97,7 +97,7 @@ def of_wrong_optima(case: Case, renderer: str, seed: int, poses: range) -> Judge
             seen = tracker.sight.near(start, start, scene)
             if seen is None:
                 continue
-            apart, turned = errors(seen.pose, true, solid, symmetries)
+            apart, turned = errors(seen.pose, true, symmetries)
             right = apart <= RIGHT_POSITION and turned <= RIGHT_ROTATION
             resolved = tracker.sight.resolve(seen, scene)
             if not (right or resolved.ambiguous or resolved.refined is not seen.refined):

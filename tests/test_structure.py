@@ -23,6 +23,7 @@ MODULES = [
 ]
 PRINTING = {
     "experiment/colors_command.py", "experiment/commands.py", "experiment/main.py",
+    "experiment/target_command.py",
     "experiment/reproduce_command.py", "experiment/servo_command.py", "experiment/sweep_command.py",
     "experiment/track_command.py", "systems/_graphics_probe.py",
 }  # fmt: skip

@@ -46,6 +46,7 @@ from mffdrake.experiment.simulation import SimulationResult
 from mffdrake.experiment.store import StoreError
 from mffdrake.experiment.sweep import OtherCodeError
 from mffdrake.experiment.sweep_command import RunSweep
+from mffdrake.experiment.target_command import RunTarget
 from mffdrake.experiment.track_command import RunTrack
 from mffdrake.recognition import ParameterError
 from mffdrake.recognition.calibration import CalibrationError
@@ -75,7 +76,7 @@ def _PrintSchema(options: argparse.Namespace) -> int:
 
 
 _OWN_COMMANDS = {
-    "sweep": RunSweep, "track": RunTrack, "colors": RunColors,
+    "sweep": RunSweep, "track": RunTrack, "colors": RunColors, "target": RunTarget,
     "defaults": _PrintDefaults, "schema": _PrintSchema,
 }  # fmt: skip
 """Those that read no scenario, or one in a way of their own."""

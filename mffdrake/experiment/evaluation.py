@@ -92,6 +92,7 @@ def Evaluate(result: SimulationResult) -> dict[str, Any]:
         "wall_s": result.wall_s,
         "realtime_factor": scenario.duration / result.wall_s,
         "stages_ms": result.stages_ms,
+        "symmetries": result.symmetries,
     }
 
 

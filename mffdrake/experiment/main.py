@@ -71,7 +71,7 @@ def _MakeParser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         dest="command",
         required=True,
-        metavar="run|servo|compare|sweep|reproduce|track|colors|record|defaults|schema",
+        metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema",
     )
     run = commands.add_parser("run", parents=pictures, help="one simulation")
     run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
@@ -209,6 +209,14 @@ def _AddImageCommands(commands: Any) -> None:
         "--pose", metavar="FILE", help="the target's pose, a line 'x y z qx qy qz qw'"
     )
     add("--out", metavar="FILE", default="colors.yaml", help="default: colors.yaml")
+    target = commands.add_parser(
+        "target", help="what the recognizer makes of a mesh",
+        description="Draws a mesh with its colors, edges and sample points, and tells its size, "
+        "symmetries and what will make it hard to recognize. Writes target.png and target.json.",
+    )  # fmt: skip
+    add = target.add_argument
+    add("mesh", metavar="MESH", help="OBJ with MTL, GLB, PLY or STL file with colors")
+    add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
 
 
 def _NotNegative(text: str) -> int:

@@ -20,6 +20,7 @@ from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.recognition.pose import pose_from_transform
+from mffdrake.recognition.symmetry import NO_SYMMETRIES, find_symmetries
 
 __all__ = ["Simulate", "SimulationResult"]
 
@@ -35,7 +36,8 @@ class SimulationResult:
         time: Time of each frame [s], shape (K,).
         true_pose: Target's pose vector ``(r [m], eps)`` in the first camera C when the frame's
             images were exposed, shape (K, 6).
-        recognized_pose: The pose recognized from that frame's images, shape (K, 6).
+        recognized_pose: The pose recognized from that frame's images; of those that look the same,
+            as the target is symmetric, the one nearest to the true pose, shape (K, 6).
         fitness: Its fitness, 0 to 1, shape (K,).
         state: What the tracker says of it, a number of `TrackingState`, shape (K,).
         confidence: Probability that it is right to 5 mm and 1 deg, NaN where the tracker does not
@@ -49,6 +51,7 @@ class SimulationResult:
             "total" (which includes the dynamics and the control of one frame) [ms].
         wall_s: Wall time of the simulation [s], without building the diagram and loading the
             compiled kernels.
+        symmetries: Those of the target, in words.
     """
 
     scenario: str
@@ -65,6 +68,7 @@ class SimulationResult:
     joint_velocities: Array
     stages_ms: dict[str, float]
     wall_s: float
+    symmetries: str = "none"
 
     def Save(self, path: Path | str) -> None:
         """Writes everything as an NPZ file, whole or not at all.
@@ -106,6 +110,7 @@ class SimulationResult:
             )
         )
         values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
+        values["symmetries"] = str(values.get("symmetries", "none"))
         for name in ("state", "confidence", "is_tracking"):  # Earlier versions did not record them.
             values.setdefault(name, np.full(len(values["time"]), np.nan))
         return cls(stages_ms=stages, **values)
@@ -246,7 +251,7 @@ class _Recorder:
         self._rows: dict[str, list[Array | float]] = {
             field.name: []
             for field in dc.fields(SimulationResult)
-            if field.name not in ("scenario", "stages_ms", "wall_s")
+            if field.name not in ("scenario", "stages_ms", "wall_s", "symmetries")
         }
         self._stages: dict[str, list[float]] = {
             "render": [], "recognition": [], "prediction": [], "total": [],
@@ -322,9 +327,18 @@ class _Recorder:
         for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
             X = rows[name].reshape(-1, 3, 4)
             rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
+        matcher = getattr(self._recognizer.tracker, "matcher", None)  # Others keep what they know.
+        symmetries = NO_SYMMETRIES if matcher is None else find_symmetries(matcher.solid)
+        rows["recognized_pose"] = np.array(
+            [
+                symmetries.nearest(pose, true)
+                for pose, true in zip(rows["recognized_pose"], rows["true_pose"], strict=True)
+            ]
+        ).reshape(-1, 6)
         return SimulationResult(
             scenario=scenario.Dump(),
             stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
             wall_s=wall_s,
+            symmetries=str(symmetries),
             **rows,
         )

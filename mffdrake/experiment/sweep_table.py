@@ -32,7 +32,7 @@ _EVALUATED: dict[str, type] = {
     **{f"tracking.{name}": float for name in TRACKING_SHARES},
     **{f"rms_tracked.{name}": float for name in RMS_ERRORS},
     **{f"recovery.{name}": kind for name, kind in RECOVERY.items()},
-    "wall_s": float, "realtime_factor": float,
+    "wall_s": float, "realtime_factor": float, "symmetries": str,
 }  # fmt: skip
 
 

@@ -189,7 +189,7 @@ def draw(camera: Camera, drawn: Drawn, canvas: Canvas) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _is_seen(camera: Camera, canvas: Canvas, point: Array, face: int) -> bool:
+def is_seen(camera: Camera, canvas: Canvas, point: Array, face: int) -> bool:
     """Whether a point of a face that looks at the camera is hidden by nothing."""
     n = len(canvas.faces)
     u, v, z = project(camera, point, 0.5 * n)
@@ -252,7 +252,7 @@ def survey(
         for p in range(len(marks.inside)):
             face = marks.inside_faces[p]
             if facing[k, face]:
-                hidden[k, p] = not _is_seen(camera, canvas, marks.inside[p], face)
+                hidden[k, p] = not is_seen(camera, canvas, marks.inside[p], face)
         for q in range(len(marks.edges)):
             states[k, q] = _edge_state(camera, canvas, drawn, marks, q, facing[k])
     return hidden, states, facing
@@ -295,7 +295,7 @@ def _edge_state(
     n /= math.sqrt((n**2).sum())
     if (n * m).sum() > 0.0:
         n = -n
-    if not _is_seen(camera, canvas, point + _BESIDE * pixel * m, inside):
+    if not is_seen(camera, canvas, point + _BESIDE * pixel * m, inside):
         return state
     if state == CREASE:
         return state | FREE

@@ -15,7 +15,7 @@ from mffdrake.recognition.cameras import CameraRig
 from mffdrake.recognition.confidence import Evidence, confidence, probability_within
 from mffdrake.recognition.generation import Generation
 from mffdrake.recognition.matching import NO_GAINS, Gains, Images, Matcher
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.pose import rotation_angle, transform_from_pose
 from mffdrake.recognition.pose_filter import (
     PoseFilter,
     PoseFilterParameters,
@@ -287,6 +287,7 @@ class RobustTracker:
         if motion is None:
             motion = PoseFilter.of(pose, C, self.motion)
         else:
+            pose, C = self._nearest(pose, C, motion.pose)
             updated = motion.update(pose, C)
             if updated.surprise <= _UNEXPECTED:
                 motion = updated
@@ -315,6 +316,15 @@ class RobustTracker:
             unseen=unseen,
             motion=motion,
         )
+
+    def _nearest(self, pose: Array, C: Array, expected: Array) -> tuple[Array, Array]:
+        """Of all poses that look like one, the one nearest to an expected one; its covariance."""
+        nearest = self.sight.symmetries.nearest(pose, expected)
+        if np.array_equal(nearest, pose):
+            return pose, C
+        turn = transform_from_pose(nearest)[0].T @ transform_from_pose(pose)[0]
+        both = np.kron(np.eye(2), turn)
+        return nearest, pose_covariance(nearest, both @ body_covariance(pose, C) @ both.T)
 
     @cached_property
     def _plain(self) -> OneStepGaTracker:

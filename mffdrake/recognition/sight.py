@@ -18,7 +18,7 @@ from mffdrake.recognition.acquisition import (
 from mffdrake.recognition.genetic import SearchRange
 from mffdrake.recognition.pose import rotation_angle
 from mffdrake.recognition.refinement import BorderRefiner, Refinement
-from mffdrake.recognition.symmetry import Turns, find_look_alikes
+from mffdrake.recognition.symmetry import Symmetries, Turns, find_look_alikes, find_symmetries
 
 if TYPE_CHECKING:
     from mffdrake.recognition._structs import Scene
@@ -129,7 +129,11 @@ class Sight:
         return seen._replace(ambiguous=bool(rivals.any()))
 
     def is_one(self, pose: Array, other: Array) -> bool:
-        """Whether two pose vectors, each of shape (6,), are one pose within what counts."""
+        """Whether two pose vectors, each of shape (6,), are one pose within what counts.
+
+        Poses between which the solid's symmetries leave no difference are one, too.
+        """
+        other = self.symmetries.nearest(other, pose)
         apart, turned = _ONE
         distance = float(np.linalg.norm(pose[:3] - other[:3]))
         angle = float(rotation_angle(pose[3:], other[3:]))
@@ -146,6 +150,11 @@ class Sight:
     @cached_property
     def _acquisition(self) -> Acquisition:
         return Acquisition(self.refiner, self.search_range, self.parameters)
+
+    @cached_property
+    def symmetries(self) -> Symmetries:
+        """The solid's."""
+        return find_symmetries(self.refiner.matcher.solid)
 
     @cached_property
     def _look_alikes(self) -> Turns:

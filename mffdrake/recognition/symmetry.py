@@ -9,18 +9,26 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mffdrake.recognition.pose import pose_from_transform, rotation_matrix, transform_from_pose
+from mffdrake.recognition.pose import (
+    pose_from_transform,
+    rotation_angle,
+    rotation_matrix,
+    transform_from_pose,
+)
 from mffdrake.recognition.pose_motion import rotate_by
 from mffdrake.recognition.solid_model import SolidModel
+from mffdrake.recognition.spread_surface import Surface
 
 Array = NDArray[np.float64]
 
 _EXACTLY = 0.02  # as `find_turns`' tolerance
+_ANY_ANGLES = (0.61, 1.7, 2.5)  # [rad] no fraction of a turn
 _MOST = 60  # the largest finite group of rotations of a solid, but for prisms of many sides
 
 
@@ -43,6 +51,8 @@ def find_turns(solid: SolidModel, tolerance: float = 0.3) -> Array:
         >>> len(find_turns(SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))))   # half turns
         3
     """
+    if not solid.is_plain:
+        return Surface.of(solid).turns(by_color=False)[:_MOST]
     arms = solid.vertices - solid.vertices.mean(axis=0)
     limit = tolerance * np.linalg.norm(arms, axis=1).max()
     # A rotation is known from where it brings two corners that are not in line with the middle.
@@ -114,22 +124,107 @@ class Turns(NamedTuple):
         return np.asarray(pose_from_transform(turned, p + stays))
 
 
-def find_symmetries(solid: SolidModel) -> Array:
-    """Rotations about the middle of a solid's corners that change nothing that is to be seen.
+@dataclass(frozen=True, eq=False)
+class Symmetries:
+    """How a solid can be turned without a change that is to be seen.
+
+    Attributes:
+        turns: Rotations, without the identity.
+        axis: A point [m] and a unit vector, about which any rotation is one, shape (2, 3); None
+            where there is no such axis.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> box = SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))
+        >>> str(find_symmetries(box))
+        '3 turns'
+    """
+
+    turns: Turns
+    axis: Array | None = None
+
+    def __str__(self) -> str:
+        """What they are, in words."""
+        words = []
+        if self.axis is not None:
+            x, y, z = self.axis[1].round(3) + 0.0
+            words.append(f"any turn about ({x:g}, {y:g}, {z:g})")
+        if len(self.turns.rotations):
+            count = len(self.turns.rotations)
+            words.append(f"{count} turn{'s' if count > 1 else ''}")
+        return ", ".join(words) or "none"
+
+    def contain(self, R: Array) -> bool:
+        """Whether a rotation, shape (3, 3), is one of them, but for a few degrees."""
+        all_turns = [np.eye(3), *self.turns.rotations]
+        if self.axis is not None:  # about which any turn may follow
+            return any((R @ self.axis[1]) @ (S @ self.axis[1]) > 0.995 for S in all_turns)
+        return any(np.trace(R @ S.T) > 2.99 for S in all_turns)
+
+    def nearest(self, pose: Array, other: Array) -> Array:
+        """Of all poses that look like one, the one that is turned least against another.
+
+        Args:
+            pose: Pose vector, shape (6,).
+            other: Pose vector, shape (6,).
+
+        Returns:
+            A pose vector, shape (6,); the very same where it is the nearest.
+        """
+        poses = np.concatenate([pose[None], self.turns.of(pose)])
+        if self.axis is not None:
+            poses = np.concatenate([pose[None], *(self._turned(p, other)[None] for p in poses)])
+        apart = rotation_angle(poses[:, 3:], np.broadcast_to(other[3:], (len(poses), 3)))
+        best = int(np.argmin(apart.round(9)))
+        return np.asarray(poses[best])
+
+    def _turned(self, pose: Array, other: Array) -> Array:
+        """A pose turned about the axis to be nearest to another."""
+        assert self.axis is not None
+        point, d = self.axis
+        A = transform_from_pose(other)[0].T @ transform_from_pose(pose)[0]
+        # The trace of A R(angle) is greatest there.
+        sine = A[2, 1] * d[0] + A[0, 2] * d[1] + A[1, 0] * d[2]
+        sine -= A[1, 2] * d[0] + A[2, 0] * d[1] + A[0, 1] * d[2]
+        angle = math.atan2(-sine, float(np.trace(A) - d @ A @ d))
+        R = rotation_matrix(rotate_by(angle * d))
+        turned: Array = Turns(R[None], point[None]).of(pose)[0]
+        return turned
+
+
+NO_SYMMETRIES = Symmetries(Turns(np.empty((0, 3, 3)), np.empty((0, 3))))
+"""Of a solid that looks different from everywhere."""
+
+
+def find_symmetries(solid: SolidModel) -> Symmetries:
+    """The rotations that change nothing of a solid that is to be seen.
 
     Args:
         solid: The solid.
 
-    Returns:
-        Rotation matrices in the solid's frame, without the identity, shape (K, 3, 3).
-
     Example:
         >>> from mffdrake.recognition import BLUE, GREEN, RED
-        >>> len(find_symmetries(SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))))  # half turns
+        >>> box = SolidModel.box((1.0, 2.0, 4.0), (RED, GREEN, BLUE))
+        >>> len(find_symmetries(box).turns.rotations)   # half turns
         3
     """
-    turns = find_turns(solid, _EXACTLY)
-    return np.array([R for R in turns if _keeps_colors(solid, R)]).reshape(-1, 3, 3)
+    if solid.is_plain:
+        rotations = find_turns(solid, _EXACTLY)
+        kept = np.array([R for R in rotations if _keeps_colors(solid, R)]).reshape(-1, 3, 3)
+        middle = solid.vertices.mean(axis=0)
+        return Symmetries(Turns(kept, np.broadcast_to(middle, (len(kept), 3))))
+    surface = Surface.of(solid)
+    for direction in surface.directions:
+        turns = [rotation_matrix(rotate_by(angle * direction)) for angle in _ANY_ANGLES]
+        if all(surface.coincides(R, by_color=True) for R in turns):
+            flips = [
+                R for R in surface.turns(by_color=True) if (R @ direction) @ direction < -0.999
+            ][:1]  # All others follow from it by turns about the axis.
+            points = np.tile(surface.center, (len(flips), 1))
+            axis = np.stack([surface.center, direction])
+            return Symmetries(Turns(np.array(flips).reshape(-1, 3, 3), points), axis)
+    rotations = surface.turns(by_color=True)
+    return Symmetries(Turns(rotations, np.tile(surface.center, (len(rotations), 1))))
 
 
 def find_look_alikes(solid: SolidModel) -> Turns:
@@ -150,6 +245,11 @@ def find_look_alikes(solid: SolidModel) -> Turns:
         >>> find_look_alikes(cube).rotations.shape                                 # quarter turns
         (4, 3, 3)
     """
+    if not solid.is_plain:
+        surface, same = Surface.of(solid), find_symmetries(solid)
+        alike = [R for R in surface.turns(by_color=False) if not same.contain(R)]
+        around = np.tile(surface.center, (len(alike), 1))
+        return Turns(np.array(alike).reshape(-1, 3, 3), around)
     middle = solid.vertices.mean(axis=0)
     found = [(R, middle) for R in find_turns(solid, _EXACTLY) if not _keeps_colors(solid, R)]
     for face, normal in zip(solid.faces, solid.normals, strict=True):

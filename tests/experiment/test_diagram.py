@@ -382,7 +382,7 @@ UNUSABLE = {
     "missing mesh": ("missing.obj", {"visual": VISUAL.replace("target.obj", "missing.obj")}),
     "grey face": ("grey", {"faces": [(None, BOX[0][1]), *BOX[1:]]}),
     "open solid": ("not a closed solid", {"faces": BOX[:-1]}),
-    "inside out": ("not convex", {"faces": [(hue, face[::-1]) for hue, face in BOX]}),
+    "inside out": ("inside out", {"faces": [(hue, face[::-1]) for hue, face in BOX]}),
     "welded to the world": ("static|world", {"model": "<static>true</static>"}),
 }
 

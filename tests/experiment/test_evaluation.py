@@ -27,7 +27,7 @@ SETTINGS = ["start", "coding", "refinement", "renderer"]  # Beyond what the issu
 ROW_KEYS = [
     "method", "omega", "seed", *SETTINGS, "duration", "frames", "mean_fitness",
     "mean_fitness_settled", "rms", "rms_settled", "tracking", "rms_tracked", "recovery", "wall_s",
-    "realtime_factor", "stages_ms",
+    "realtime_factor", "stages_ms", "symmetries",
 ]  # fmt: skip
 
 

@@ -31,7 +31,7 @@ from mffdrake.recognition import (
     SolidModel,
 )
 from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.symmetry import find_look_alikes, find_symmetries, turn_about_middle
+from mffdrake.recognition.symmetry import find_look_alikes, find_symmetries
 
 _borders = pytest.importorskip("mffdrake.recognition._borders")
 
@@ -79,7 +79,7 @@ def some_pose(rng, solid, rig):
 
 def errors(found, truth, solid):
     """Distance [mm] and angle [deg], modulo turns that bring all colors onto themselves."""
-    truths = [truth, *turn_about_middle(truth, solid, find_symmetries(solid))]
+    truths = [truth, *find_symmetries(solid).turns.of(truth)]
     angle, best = min((float(rotation_angle(found[3:], t[3:])), k) for k, t in enumerate(truths))
     return 1e3 * np.linalg.norm(found[:3] - truths[best][:3]), math.degrees(angle)
 

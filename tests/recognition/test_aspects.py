@@ -33,7 +33,7 @@ def eyes(solid, seed=0):
 
 
 def first_hit(solid, eye, points):
-    """Where rays from an eye to points first meet the solid, 1 at the points; infinity for never."""
+    """Where rays to points first meet the solid: 1 at the points, infinity for never."""
     a, b, c = solid.vertices[solid.triangles].transpose(1, 0, 2)
     way = points - eye
     first = np.full(len(points), np.inf)

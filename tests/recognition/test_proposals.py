@@ -61,7 +61,7 @@ def proposals_of(proposer, images, count=150, first=0, seed=0):
 def off_by(poses, truth, solid=BOX):
     """Distances of the middles [m] and angles [deg], modulo turns that look the same."""
     middle, R_true = solid.vertices.mean(axis=0), rotation(truth[3:])
-    same = [np.eye(3), *find_symmetries(solid)]
+    same = [np.eye(3), *find_symmetries(solid).turns.rotations]
     distances, angles = [], []
     for psi in poses:
         R = rotation(psi[3:])

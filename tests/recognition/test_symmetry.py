@@ -1,11 +1,17 @@
 """Rotations that bring a solid's shape onto itself."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from synthetic import hexagonal_prism, paper_box, pose, rotation, tetrahedron
 
 from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
+from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.pose_motion import rotate_by
 from mffdrake.recognition.symmetry import (
+    NO_SYMMETRIES,
+    Turns,
     find_look_alikes,
     find_symmetries,
     find_turns,
@@ -95,7 +101,7 @@ def test_look_alikes_keep_the_shape_but_not_the_colors(solid, count):
         found, points = find_look_alikes(one)
         assert found.shape == (count, 3, 3)
         np.testing.assert_allclose(points, np.tile(one.vertices.mean(axis=0), (count, 1)))
-        assert len(find_symmetries(one)) + count == len(find_turns(one, 0.02))
+        assert len(find_symmetries(one).turns.rotations) + count == len(find_turns(one, 0.02))
         arms = one.centers - one.vertices.mean(axis=0)
         for R in found:
             apart = np.linalg.norm((arms @ R.T)[:, None] - arms, axis=-1)
@@ -129,3 +135,51 @@ def test_turns_of_a_face_alone_look_alike_where_that_face_alone_is_seen():
             if apart.min(axis=1).max() < 1e-7:
                 onto.add(k)
     assert onto == {2, 3, 4, 5, 6}
+
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def test_a_body_of_revolution_may_be_turned_about_its_axis_by_any_angle():
+    mug = SolidModel.from_mesh_file(MODELS / "mug.obj")
+    found = find_symmetries(mug)
+    np.testing.assert_allclose(np.abs(found.axis[1]), [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(found.axis[0][:2], 0, atol=1e-6)
+    assert len(found.turns.rotations) == 0  # It is open above, and has other colors below.
+    assert str(found).startswith("any turn about")
+    assert len(find_look_alikes(mug).rotations) == 0
+
+
+@pytest.mark.parametrize("name", ["l_block", "hammer", "notched_box", "wedge"])
+def test_a_solid_with_different_sides_has_no_symmetry(name):
+    assert str(find_symmetries(SolidModel.from_mesh_file(MODELS / f"{name}.obj"))) == "none"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_poses_that_look_alike_the_one_is_told_that_is_turned_least(seed):
+    rng = np.random.default_rng(seed)
+    mug = SolidModel.from_mesh_file(MODELS / "mug.obj")
+    box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+    for symmetries in (find_symmetries(mug), find_symmetries(box)):
+        psi, near = (pose(rng.uniform(-1, 1, 3), 0.4 * rng.normal(size=3)) for _ in range(2))
+        found = symmetries.nearest(psi, near)
+        # All of them, one by one
+        turned = [psi, *symmetries.turns.of(psi)]
+        if symmetries.axis is not None:
+            point, d = symmetries.axis
+            turns = np.array([rotation(rotate_by(a * d)) for a in np.linspace(-3.14, 3.14, 4001)])
+            turned = [*Turns(turns, np.tile(point, (len(turns), 1))).of(psi)]
+        angles = [rotation_angle(q[3:], near[3:]) for q in turned]
+        assert rotation_angle(found[3:], near[3:]) == pytest.approx(min(angles), abs=2e-6)
+        np.testing.assert_allclose(symmetries.nearest(found, near), found, atol=1e-9)
+        # The axis' point stays where it was.
+        if symmetries.axis is not None:
+            where = [rotation(q[3:]) @ point + q[:3] for q in (psi, found)]
+            np.testing.assert_allclose(where[0], where[1], atol=1e-12)
+
+
+def test_where_nothing_is_alike_the_pose_is_the_very_same():
+    psi = pose((0.1, 0.2, 0.7), (0.2, -0.3, 0.4))
+    assert NO_SYMMETRIES.nearest(psi, pose((0, 0, 1), (0, 0, 0))) is not None
+    np.testing.assert_array_equal(NO_SYMMETRIES.nearest(psi, psi), psi)
+    assert str(NO_SYMMETRIES) == "none"
