@@ -13,12 +13,13 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from mffdrake.recognition.parameters import Count, Positive, parameters
+from mffdrake.recognition.parameters import Count, ParameterError, Positive, parameters
 from mffdrake.recognition.solid_model import SolidModel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_MOST_POINTS = 200_000
 _MOST_NEAR = 6  # sides of a face, near a point
 _CANDIDATES = 16  # for a point on a curved surface
 _PACKING = 0.8  # Points at least so many spacings apart are as dense as those of a grid.
@@ -128,6 +129,9 @@ class SearchModel:
         solid: The solid.
         sampling: How densely to sample it.
 
+    Raises:
+        ParameterError: When it is far too large for that.
+
     Attributes:
         solid: The solid.
         sides: Where its faces end.
@@ -155,6 +159,12 @@ class SearchModel:
     def __init__(self, solid: SolidModel, sampling: SamplingParameters | None = None) -> None:
         sampling = SamplingParameters() if sampling is None else sampling
         self.solid = solid
+        if solid.areas.sum() > _MOST_POINTS * sampling.spacing**2:
+            raise ParameterError(
+                f"the solid is {np.ptp(solid.vertices, axis=0).max():g} m long, too large for "
+                f"points {sampling.spacing:g} m apart: the mesh is probably in millimeters, but "
+                "meshes are in meters; scale its vertices, or increase the sampling's spacing"
+            )
         self.sides = Sides.of(solid)
         inside: list[Array] = [np.empty((0, 3))] * len(solid.faces)
         for patch in range(int(solid.patches.max()) + 1):

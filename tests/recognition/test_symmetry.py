@@ -161,7 +161,7 @@ def test_of_poses_that_look_alike_the_one_is_told_that_is_turned_least(seed):
     mug = SolidModel.from_mesh_file(MODELS / "mug.obj")
     box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
     for symmetries in (find_symmetries(mug), find_symmetries(box)):
-        psi, near = (pose(rng.uniform(-1, 1, 3), 0.4 * rng.normal(size=3)) for _ in range(2))
+        psi, near = (pose(rng.uniform(-1, 1, 3), rng.uniform(-0.5, 0.5, 3)) for _ in range(2))
         found = symmetries.nearest(psi, near)
         # All of them, one by one
         turned = [psi, *symmetries.turns.of(psi)]
