@@ -48,8 +48,11 @@ def DrawOutline(image: Image, pose: ArrayLike, solid: SolidModel, camera: Camera
     pieces = 1 if camera.distortion.model == "none" else _PIECES
     shares = np.linspace(0.0, 1.0, pieces + 1)[:, None]
     lines = []
-    for (start, end), faces in zip(solid.vertices[solid.edges], solid.edge_faces, strict=True):
-        if visible[faces].any():
+    # Bends of a curved surface are to be seen where they are its silhouette alone.
+    seen = visible[solid.edge_faces]
+    drawn = seen.any(axis=1) & ~(solid.smooth & seen.all(axis=1))
+    for (start, end), is_drawn in zip(solid.vertices[solid.edges], drawn, strict=True):
+        if is_drawn:
             pixels = camera.project((start + shares * (end - start)) @ R_CM.T + p_CM)
             if np.isfinite(pixels).all():
                 # What lies far outside is cut off: drawn coordinates must fit into 32 bits.

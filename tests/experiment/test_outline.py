@@ -1,13 +1,16 @@
 """The drawn outline against the solid's edges, projected by OpenCV point by point."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
 from mffdrake.experiment.outline import DrawOutline
-from mffdrake.recognition import BLUE, GREEN, RED, Camera, Distortion, SolidModel
+from mffdrake.recognition import BLUE, GREEN, RED, Camera, CameraRig, Distortion, SolidModel
 from mffdrake.recognition.pose import transform_from_pose
 
+MODELS = Path(__file__).parents[2] / "models"
 BOX = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
 GREY = np.full((240, 320, 3), 128, dtype=np.uint8)
 LENSES = {
@@ -115,3 +118,16 @@ def test_what_is_behind_the_camera_is_not_drawn():
         if z < -0.1:
             np.testing.assert_array_equal(drawn, GREY)
         assert drawn.shape == GREY.shape
+
+
+def test_bends_of_a_curved_surface_are_drawn_where_they_are_its_silhouette_alone():
+    mug = SolidModel.from_mesh_file(MODELS / "mug.obj")
+    camera = CameraRig.stereo().cameras[0]
+    grey = np.full((480, 640, 3), 128, dtype=np.uint8)
+    # Its axis lies across the line of sight, so that its outer wall is a band in the middle.
+    pose = [0.0, 0.0, 0.4, 0.0, np.sqrt(0.5), 0.0]
+    drawn = DrawOutline(grey, pose, mug, camera)
+    row = np.any(drawn[:, 340] != 128, axis=1)  # a column of the image, across the wall
+    lines = np.count_nonzero(np.diff(row.astype(int)) == 1)
+    # The wall's two silhouettes and at most those inside, which stands as if it was of glass
+    assert 2 <= lines <= 4
