@@ -151,7 +151,7 @@ def _AddImageCommands(commands: Any) -> None:
     images = _Parser(add_help=False)
     add = images.add_argument
     add("--rig", metavar="RIG.yaml", required=True, help="file with the cameras")
-    add("--target", metavar="MESH", required=True, help="mesh with a material a face, e.g. OBJ")
+    add("--target", metavar="MESH", required=True, help="closed, colored mesh, e.g. OBJ")
     add("--verbose", action="store_true", help="say more on the way")
     track = commands.add_parser(
         "track", parents=[images], help="poses from your images, calibrations and mesh",

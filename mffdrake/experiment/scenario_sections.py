@@ -117,7 +117,7 @@ class TargetConfig:
     """The known object.
 
     Attributes:
-        model: URL or path of its SDF, whose visual is one convex mesh with a material a face.
+        model: URL or path of its SDF, whose visual is one closed, colored mesh.
         X_WM: Its pose in the world, from which it moves.
         motion: How it moves: at_rest, ``!Sinusoids {...}``, ``!Straight {...}``, ``!Step {...}``,
             ``!Waypoints {...}`` or ``!TrajectoryFile {file: poses.tum}``.

@@ -162,7 +162,7 @@ def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
         The solid, in the target's frame M.
 
     Raises:
-        ScenarioError: When the mesh is no convex solid with a hue on every face.
+        ScenarioError: When the mesh is no closed solid with a hue on every face.
     """
     try:
         return SolidModel.from_mesh_file(mesh)

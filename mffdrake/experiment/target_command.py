@@ -76,15 +76,14 @@ def DescribeTarget(model: SearchModel) -> dict[str, Any]:
         Sizes, numbers of parts, colors, symmetries and warnings, as plain data.
     """
     solid = model.solid
-    names = list(dict.fromkeys(solid.materials))
-    of = np.array([names.index(name) for name in solid.materials])
+    of = solid.material_numbers
     colors = [
         {
             "name": name,
-            "hue_deg": math.degrees(solid.hues[names.index(name) == of][0]),
+            "hue_deg": math.degrees(solid.hues[of == k][0]),
             "area_m2": float(solid.areas[of == k].sum()),
         }
-        for k, name in enumerate(names)
+        for k, name in enumerate(solid.material_names)
     ]
     return {
         "size_m": np.ptp(solid.vertices, axis=0).tolist(),
@@ -92,13 +91,13 @@ def DescribeTarget(model: SearchModel) -> dict[str, Any]:
         "curved_surfaces": int((np.bincount(solid.patches) > 1).sum()),
         "convex": solid.is_convex, "colors": colors,
         "inside_points": len(model.inside_points), "edge_points": len(model.edge_points),
-        "symmetries": str(find_symmetries(solid)), "warnings": list(_Warnings(model, names)),
+        "symmetries": str(find_symmetries(solid)), "warnings": _Warnings(model),
     }  # fmt: skip
 
 
-def _Warnings(model: SearchModel, names: list[str]) -> list[str]:
+def _Warnings(model: SearchModel) -> list[str]:
     """What will make it hard to recognize."""
-    solid, found = model.solid, []
+    solid, names, found = model.solid, model.solid.material_names, []
     side = float(np.ptp(solid.vertices, axis=0).max())
     if not _SIZES[0] <= side <= _SIZES[1]:
         unit = "millimeters" if side > _SIZES[1] else "other units"
@@ -148,8 +147,7 @@ def _DrawSide(model: SearchModel, direction: Array) -> tuple[NDArray[np.uint8], 
     from mffdrake.recognition import _aspects  # numba: slow to import
 
     solid = model.solid
-    kinds = len(set(solid.materials))
-    drawn = as_drawn(solid, np.eye(kinds, dtype=bool))
+    drawn = as_drawn(solid)
     distance = 3.0 * solid.size
     camera = _aspects.camera_at(direction, drawn, distance, _PIXELS)
     canvas = _aspects.Canvas(
@@ -165,8 +163,7 @@ def _DrawSide(model: SearchModel, direction: Array) -> tuple[NDArray[np.uint8], 
     edges[1:] |= patches[1:] != patches[:-1]
     edges[:, 1:] |= patches[:, 1:] != patches[:, :-1]
     image[edges] = 0.1
-    owners = np.repeat(np.arange(len(solid.faces)), np.diff(model.inside_start))
-    for point, face in zip(model.inside_points, owners, strict=True):
+    for point, face in zip(model.inside_points, model.inside_faces, strict=True):
         looks = solid.normals[face] @ (camera.place - point) > 0.0
         if looks and _aspects.is_seen(camera, canvas, point, face):
             u, v, _ = _aspects.project(camera, point, 0.5 * _PIXELS)

@@ -37,8 +37,6 @@ class Drawn(NamedTuple):
         triangle_faces: The face of each, shape (T,).
         normals: Of the faces, shape (F, 3).
         centers: Of the faces [m], shape (F, 3).
-        kinds: Numbers of the faces' materials, shape (F,).
-        alike: Which materials look alike, shape (C, C).
         middle: The point that all cameras look at [m], shape (3,).
         radius: That of the ball about it that holds the solid [m].
     """
@@ -48,8 +46,6 @@ class Drawn(NamedTuple):
     triangle_faces: IntArray
     normals: Array
     centers: Array
-    kinds: IntArray
-    alike: NDArray[np.bool_]
     middle: Array
     radius: float
 
@@ -65,6 +61,8 @@ class Marks(NamedTuple):
         edge_faces: The two faces of the edges there, shape (Q, 2).
         inward: Unit vectors into them, across the edge, shape (Q, 2, 3).
         offsets: Distances of the strip's rows [m], shape (K,).
+        kinds: Numbers of all faces' materials, shape (F,).
+        alike: Which materials look alike, shape (C, C).
     """
 
     inside: Array
@@ -74,6 +72,8 @@ class Marks(NamedTuple):
     edge_faces: IntArray
     inward: Array
     offsets: Array
+    kinds: IntArray
+    alike: NDArray[np.bool_]
 
 
 @njit(cache=True, error_model="numpy")
@@ -222,14 +222,14 @@ def _face_at(camera: Camera, canvas: Canvas, x: float, y: float, z: float) -> in
 
 @njit(cache=True, error_model="numpy")
 def survey(
-    grid: int, first: int, last: int, drawn: Drawn, marks: Marks
+    grid: int, drawn: Drawn, marks: Marks
 ) -> tuple[NDArray[np.bool_], States, NDArray[np.bool_]]:
-    """What is seen of points from the corners of the aspects, from ``first`` to ``last`` - 1.
+    """What is seen of points from the corners of all aspects, ``(grid + 1)^2``, N of them.
 
     Returns which inside points are hidden though their face looks at the camera, shape (N, P); the
     states of the edges' points, shape (N, Q); and which faces look at the camera, shape (N, F).
     """
-    count = last - first
+    count = (grid + 1) ** 2
     hidden = np.zeros((count, len(marks.inside)), dtype=np.bool_)
     states = np.zeros((count, len(marks.edges)), dtype=np.uint32)
     facing = np.zeros((count, len(drawn.normals)), dtype=np.bool_)
@@ -239,8 +239,7 @@ def survey(
     )
     size = 2.0 * drawn.radius
     for k in range(count):
-        i, j = (first + k) // (grid + 1), (first + k) % (grid + 1)
-        direction = corner_direction(i, j, grid)
+        direction = corner_direction(k // (grid + 1), k % (grid + 1), grid)
         camera = camera_at(direction, drawn, _DISTANCE * size, _RESOLUTION)
         draw(camera, drawn, canvas)
         eye = camera.place
@@ -301,7 +300,7 @@ def _edge_state(
         return state | FREE
     beyond = point + (1.0 + _BESIDE) * pixel * n
     behind = _face_at(camera, canvas, beyond[0], beyond[1], beyond[2])
-    if behind < 0 or not drawn.alike[drawn.kinds[inside], drawn.kinds[behind]]:
+    if behind < 0 or not marks.alike[marks.kinds[inside], marks.kinds[behind]]:
         state |= FREE
     for k in range(len(marks.offsets)):
         row = point + max(marks.offsets[k], (1.0 + _BESIDE) * pixel) * n

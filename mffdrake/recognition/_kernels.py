@@ -79,6 +79,7 @@ def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: 
 @njit(cache=True, error_model="numpy")
 def _place_inside(
     aspect: int,
+    faces: IntArray,
     visible: NDArray[np.bool_],
     scale: float,
     placed: Placed,
@@ -97,13 +98,13 @@ def _place_inside(
     nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
     face_sides, side_inward, R = samples.face_sides, samples.side_inward, placed.R
-    sight, shown = samples.sight, samples.sight.shown[aspect]
+    shown = samples.visibility.shown[aspect]
     depth_0 = placed.p[2]
     ox, oy, oz = placed.p_MK
     num_near = inside_distances.shape[1]
     least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
     kept = 0
-    for face in sight.faces[sight.faces_start[aspect] : sight.faces_start[aspect + 1]]:
+    for face in faces:
         if not visible[face]:
             continue
         first = samples.face_sides_start[face]
@@ -177,18 +178,19 @@ def _place_strip(
     """
     points, colors = scratch.points, scratch.colors
     edge_points, edge_directions = samples.edge_points, samples.edge_directions
-    edge_faces, edge_inward, sight = samples.edge_faces, samples.edge_inward, samples.sight
-    counted, rows, R, depth_0 = sight.points, sight.rows, placed.R, placed.p[2]
+    edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
+    visibility = samples.visibility
+    counted, rows, R, depth_0 = visibility.points, visibility.rows, placed.R, placed.p[2]
     ox, oy, oz = placed.p_MK
     kept = first
-    for entry in range(sight.edges_start[aspect], sight.edges_start[aspect + 1]):
+    for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
         # The edges between a visible and a hidden face
-        k = sight.edges[entry]
+        k = visibility.edges[entry]
         inner = 0 if visible[edge_faces[k, 0]] else 1
         if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
             continue
         # Perpendicular to the edge and to the line of sight (in M), away from the visible face.
-        j0, j1 = sight.points_start[entry], sight.points_start[entry + 1]
+        j0, j1 = visibility.points_start[entry], visibility.points_start[entry + 1]
         q = counted[j0]
         a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
         sx, sy, sz = a - ox, b - oy, c - oz
@@ -230,7 +232,7 @@ def find_visible(
 @njit(cache=True, error_model="numpy")
 def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
-    solid, sight = scene.solid, samples.sight
+    solid, visibility = scene.solid, samples.visibility
     ox, oy, oz = solid.middle
     visible = np.empty(len(solid.normals), dtype=np.bool_)
     most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
@@ -248,14 +250,15 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
             eye = placed.p_MK
-            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, sight.grid)
-            faces = sight.faces[sight.faces_start[aspect] : sight.faces_start[aspect + 1]]
+            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, visibility.grid)
+            start = visibility.faces_start
+            faces = visibility.faces[start[aspect] : start[aspect + 1]]
             find_visible(faces, placed, solid, rules.min_cosine, visible)
             z = placed.p[2]
             pixels_a_unit = magnification(lens, placed.p[0] / z, placed.p[1] / z)
             scale = (rules.min_border_distance + view.eye.calibration_error) / pixels_a_unit
             # Lambda of Eq. (21): the inside points of the visible faces
-            count = _place_inside(aspect, visible, scale, placed, solid, samples, scratch)
+            count = _place_inside(aspect, faces, visible, scale, placed, solid, samples, scratch)
             end = _place_strip(count, aspect, visible, scale, placed, solid, samples, scratch)
             _find_pixels(scratch, end, placed, view.eye)
             matches = _count_matches(scratch, 0, count, view.pixels, scene.gate)

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._lens import Eye, View, in_view
-from mffdrake.recognition.aspects import Outlines, Sight
+from mffdrake.recognition.aspects import Outlines, Visibility
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -76,7 +76,7 @@ class Samples(NamedTuple):
     """Its points: the attributes of the same names of `SearchModel`, but for these.
 
     Attributes:
-        sight: Which of them count, see `Sight`.
+        visibility: Which of them count.
         inside_points: Transposed, shape (3, P).
         inside_start: As in `SearchModel`.
         inside_sides: As in `SearchModel`.
@@ -89,13 +89,13 @@ class Samples(NamedTuple):
         side_directions: As in `Sides`.
         side_inward: As in `Sides`.
         edge_points: Transposed, shape (3, Q).
-        edge_directions: As in `SearchModel`.
+        edge_directions: As in `SolidModel`.
         edge_faces: As in `SolidModel`.
         edge_inward: As in `SolidModel`.
         strip_offsets: As in `SearchModel`.
     """
 
-    sight: Sight
+    visibility: Visibility
     inside_points: Array
     inside_start: IntArray
     inside_sides: IntArray

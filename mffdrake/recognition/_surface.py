@@ -76,6 +76,34 @@ def weld(triangles: Array) -> tuple[Array, IntArray, IntArray]:
     return vertices, index[kept], kept
 
 
+def areas(vertices: Array, triangles: IntArray) -> Array:
+    """Areas of triangles, shape (T,)."""
+    return np.asarray(0.5 * np.linalg.norm(_doubled_areas(vertices, triangles), axis=1))
+
+
+def spread(
+    vertices: Array, triangles: IntArray, count: int, rng: np.random.Generator
+) -> tuple[Array, IntArray]:
+    """Points drawn evenly over triangles.
+
+    Args:
+        vertices: Corner points, shape (V, 3).
+        triangles: Their corners, shape (T, 3).
+        count: Number N of points.
+        rng: Source of randomness.
+
+    Returns:
+        The points, shape (N, 3), and the triangles that they lie on, shape (N,).
+    """
+    corners = vertices[triangles]
+    ways = corners[:, 1:] - corners[:, :1]
+    sizes = areas(vertices, triangles)
+    chosen = rng.choice(len(triangles), size=count, p=sizes / sizes.sum())
+    a, b = rng.random((2, count, 1))
+    a, b = np.where(a + b > 1.0, 1.0 - a, a), np.where(a + b > 1.0, 1.0 - b, b)
+    return corners[chosen, 0] + a * ways[chosen, 0] + b * ways[chosen, 1], chosen
+
+
 def cluster(rows: Array) -> IntArray:
     """Labels rows so that those less than one apart in every column share a label.
 
@@ -186,8 +214,8 @@ def same_hues(first: Array, second: Array) -> NDArray[np.bool_]:
 
 def largest(vertices: Array, triangles: IntArray, faces: IntArray) -> IntArray:
     """The largest triangle of every face, the first of those, shape (F,)."""
-    areas = np.linalg.norm(_doubled_areas(vertices, triangles), axis=1)
-    order = np.lexsort((np.arange(len(areas)), -areas.round(15), faces))
+    doubled = 2.0 * areas(vertices, triangles)
+    order = np.lexsort((np.arange(len(doubled)), -doubled.round(15), faces))
     return order[np.unique(faces[order], return_index=True)[1]]
 
 

@@ -50,7 +50,7 @@ class Outlines(NamedTuple):
     smooth: Flags
 
 
-class Sight(NamedTuple):
+class Visibility(NamedTuple):
     """Which of a search model's points count.
 
     Attributes:
@@ -81,7 +81,7 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
 
     Args:
         solid: The solid.
-        alike: Which two of its faces' materials (by `material_numbers`) look alike, shape (C, C).
+        alike: Which two of its faces' materials (by their numbers) look alike, shape (C, C).
     """
     ends = solid.vertices[solid.edges]
     if solid.is_plain:
@@ -90,8 +90,7 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
             0, np.array([0, len(every)]), every, ends, solid.edge_faces, solid.edge_inward,
             np.where(solid.continues, 0.0, 1.0), solid.smooth,
         )  # fmt: skip
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    counts = np.maximum(1, np.ceil(lengths * _PIECES / solid.size)).astype(np.int64)
+    counts = np.maximum(1, np.ceil(solid.edge_lengths * _PIECES / solid.size)).astype(np.int64)
     edge = np.repeat(np.arange(len(counts)), counts)
     piece = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (piece + 0.5) / counts[edge]
@@ -103,7 +102,7 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
     from mffdrake.recognition import _aspects  # numba: slow to import
 
     # A crease between faces of one color is no border, but where it is a contour.
-    kinds = material_numbers(solid)[solid.edge_faces[edge]]
+    kinds = solid.material_numbers[solid.edge_faces[edge]]
     flat = alike[kinds[:, 0], kinds[:, 1]]
     contour = (states & _aspects.CONTOUR) > 0
     relevant = contour | (((states & _aspects.CREASE) > 0) & ~flat)
@@ -134,7 +133,7 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
     )  # fmt: skip
 
 
-def find_sight(model: SearchModel, alike: Flags) -> Sight:
+def find_visibility(model: SearchModel, alike: Flags) -> Visibility:
     """Which points of a search model count from where.
 
     Args:
@@ -142,18 +141,17 @@ def find_sight(model: SearchModel, alike: Flags) -> Sight:
         alike: As for `find_outlines`.
     """
     solid, offsets = model.solid, model.strip_offsets
-    edge = np.repeat(np.arange(len(solid.edges)), np.diff(model.edge_start))
+    edge = model.point_edges
     all_rows = np.uint32(2 ** len(offsets) - 1)
     if solid.is_plain:
-        return Sight(
+        return Visibility(
             0, np.array([0, len(solid.faces)]), np.arange(len(solid.faces)),
             np.ones((1, len(model.inside_points)), dtype=bool),
             np.array([0, len(solid.edges)]), np.arange(len(solid.edges)), model.edge_start,
             np.arange(len(edge)), np.full(len(edge), all_rows),
         )  # fmt: skip
-    owners = np.repeat(np.arange(len(solid.faces)), np.diff(model.inside_start))
     hidden, states, facing = _survey(
-        solid, alike, model.inside_points, owners, edge, model.edge_points, offsets
+        solid, alike, model.inside_points, model.inside_faces, edge, model.edge_points, offsets
     )
 
     from mffdrake.recognition import _aspects  # numba: slow to import
@@ -175,29 +173,23 @@ def find_sight(model: SearchModel, alike: Flags) -> Sight:
         needed[entry[heads], face] = True
     field, faces = np.nonzero(needed)
     fields = np.arange(GRID * GRID + 1)
-    return Sight(
+    return Visibility(
         GRID, np.searchsorted(field, fields), faces, ~_of_corners(hidden),
         np.searchsorted(entry[heads], fields), edges, np.append(heads, len(point)), point,
         rows[entry, point],
     )  # fmt: skip
 
 
-def as_drawn(solid: SolidModel, alike: Flags) -> Drawn:
-    """What the compiled functions draw of a solid; ``alike`` as for `find_outlines`."""
+def as_drawn(solid: SolidModel) -> Drawn:
+    """What the compiled functions draw of a solid."""
     from mffdrake.recognition._aspects import Drawn  # numba: slow to import
 
     middle = solid.vertices.mean(axis=0)
     radius = float(np.linalg.norm(solid.vertices - middle, axis=1).max())
     return Drawn(
         solid.vertices, solid.triangles, solid.triangle_faces, solid.normals, solid.centers,
-        material_numbers(solid), alike, middle, radius,
+        middle, radius,
     )  # fmt: skip
-
-
-def material_numbers(solid: SolidModel) -> IntArray:
-    """Numbers of the faces' materials, in the order of the first faces that have them, (F,)."""
-    names = list(dict.fromkeys(solid.materials))
-    return np.array([names.index(name) for name in solid.materials], dtype=np.int64)
 
 
 def _of_corners(flags: Flags) -> Flags:
@@ -220,13 +212,10 @@ def _survey(
     """`_aspects.survey` at all corners of all aspects."""
     from mffdrake.recognition import _aspects  # numba: slow to import
 
-    way = solid.vertices[solid.edges[:, 1]] - solid.vertices[solid.edges[:, 0]]
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
     marks = _aspects.Marks(
-        inside, owners, points, way[edge], solid.edge_faces[edge],
-        solid.edge_inward[edge], offsets,
+        inside, owners, points, solid.edge_directions[edge], solid.edge_faces[edge],
+        solid.edge_inward[edge], offsets, solid.material_numbers, alike,
     )  # fmt: skip
-    found: tuple[Flags, NDArray[np.uint32], Flags] = _aspects.survey(
-        GRID, 0, (GRID + 1) ** 2, as_drawn(solid, alike), marks
-    )
+    found: tuple[Flags, NDArray[np.uint32], Flags]
+    found = _aspects.survey(GRID, as_drawn(solid), marks)
     return found

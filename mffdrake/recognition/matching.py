@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.aspects import find_outlines, find_sight, material_numbers
+from mffdrake.recognition.aspects import find_outlines, find_visibility
 from mffdrake.recognition.cameras import CameraRig, Image
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.parameters import NonNegative, Share, parameters
@@ -112,7 +112,7 @@ class Matcher:
         if channel_order not in ("rgb", "bgr"):
             raise ValueError(f"channel_order must be 'rgb' or 'bgr', not {channel_order!r}")
         self.channel_order = channel_order
-        colors.bits_of(solid.materials)  # raises where one is missing
+        self._bits = colors.bits_of(solid.materials)
 
     def fitness(self, poses: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Array:
         """Fitness F of every pose, Eq. (22).
@@ -199,21 +199,20 @@ class Matcher:
         from mffdrake.recognition._structs import Rules, Samples, Solid  # numba: slow to import
 
         m, solid, p = self.search_model, self.solid, self.parameters
-        names = list(dict.fromkeys(solid.materials))
-        kinds, alike = material_numbers(solid), self.colors.alike(names)
-        bits = self.colors.bits_of(solid.materials)
+        bits, alike = self._bits, self.colors.alike(solid.material_names)
         return (
             Solid(
                 find_outlines(solid, alike), solid.normals, solid.centers,
-                solid.vertices.mean(axis=0), bits, np.bitwise_or.reduce(bits), kinds, alike,
+                solid.vertices.mean(axis=0), bits, np.bitwise_or.reduce(bits),
+                solid.material_numbers, alike,
             ),
             Samples(
-                find_sight(m, alike),
+                find_visibility(m, alike),
                 np.ascontiguousarray(m.inside_points.T), m.inside_start, m.inside_sides,
                 m.inside_distances, m.inside_distances.min(axis=1),
                 m.face_sides, m.face_sides_start, int(np.diff(m.face_sides_start).max()),
                 m.sides.centers, m.sides.directions, m.sides.inward,
-                np.ascontiguousarray(m.edge_points.T), m.edge_directions,
+                np.ascontiguousarray(m.edge_points.T), solid.edge_directions,
                 solid.edge_faces, solid.edge_inward, m.strip_offsets,
             ),
             Rules(float(p.min_cosine), float(p.min_border_distance)),

@@ -225,6 +225,6 @@ class Proposer:
             struct = self.matcher.struct
             table = _looks.make_looks(struct, corners, classes, count, distance, turns)
         else:
-            drawn = as_drawn(solid, self.matcher.struct.alike)
+            drawn = as_drawn(solid)
             table = _looks.draw_looks(drawn, classes, count, distance, turns)
         return table

@@ -7,12 +7,14 @@ from which the outside strip (S_out) grows once a pose tells which edges form th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
+from mffdrake.recognition import _surface
 from mffdrake.recognition.parameters import Count, ParameterError, Positive, parameters
 from mffdrake.recognition.solid_model import SolidModel
 
@@ -145,7 +147,6 @@ class SearchModel:
         face_sides_start: Where each face's start in ``face_sides``, shape (F + 1,).
         edge_points: Points on the edges in frame M [m], edge by edge, shape (Q, 3).
         edge_start: Where each edge's points start in ``edge_points``, shape (E + 1,).
-        edge_directions: Unit vectors along the edges, shape (E, 3).
         strip_offsets: Distances of the strip's rows from the silhouette [m], shape (K,).
 
     Example:
@@ -167,9 +168,12 @@ class SearchModel:
             )
         self.sides = Sides.of(solid)
         inside: list[Array] = [np.empty((0, 3))] * len(solid.faces)
-        for patch in range(int(solid.patches.max()) + 1):
+        patch_sides = [
+            np.flatnonzero(self.sides.patches == patch)
+            for patch in range(int(solid.patches.max()) + 1)
+        ]
+        for patch, sides in enumerate(patch_sides):
             faces = np.flatnonzero(solid.patches == patch)
-            sides = np.flatnonzero(self.sides.patches == patch)
             if len(faces) == 1:
                 inside[faces[0]] = _face_points(solid, int(faces[0]), self.sides, sides, sampling)
             else:
@@ -178,34 +182,37 @@ class SearchModel:
                     inside[face] = points[owners == face]
         self.inside_points: Array = np.concatenate(inside)
         self.inside_start: IntArray = np.cumsum([0, *map(len, inside)])
-        self._find_near_sides()
+        self._find_near_sides(patch_sides)
 
-        ends = solid.vertices[solid.edges]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        self.edge_directions: Array = (ends[:, 1] - ends[:, 0]) / lengths[:, None]
+        starts, distances = solid.vertices[solid.edges[:, 0]], _along_edges(solid, sampling)
         along = [
-            start + distances[:, None] * direction
-            for start, distances, direction in zip(
-                ends[:, 0], _along_edges(solid, lengths, sampling), self.edge_directions,
-                strict=True,
+            start + distance[:, None] * direction
+            for start, distance, direction in zip(
+                starts, distances, solid.edge_directions, strict=True
             )
-        ]  # fmt: skip
+        ]
         self.edge_points: Array = np.concatenate(along)
         self.edge_start: IntArray = np.cumsum([0, *map(len, along)])
         self.strip_offsets: Array = np.array(sampling.strip_offsets)
 
-    def _find_near_sides(self) -> None:
+    @property
+    def inside_faces(self) -> IntArray:
+        """The face of each inside point, shape (P,)."""
+        return np.repeat(np.arange(len(self.solid.faces)), np.diff(self.inside_start))
+
+    @property
+    def point_edges(self) -> IntArray:
+        """The edge of each edge point, shape (Q,)."""
+        return np.repeat(np.arange(len(self.solid.edges)), np.diff(self.edge_start))
+
+    def _find_near_sides(self, patch_sides: Sequence[IntArray]) -> None:
         solid, count = self.solid, np.diff(self.inside_start)
-        of_patch = [
-            np.flatnonzero(self.sides.patches == patch)
-            for patch in range(int(solid.patches.max()) + 1)
-        ]
-        width = max(1, min(_MOST_NEAR, max(map(len, of_patch))))
+        width = max(1, min(_MOST_NEAR, max(map(len, patch_sides))))
         self.inside_sides: IntArray = np.zeros((len(self.inside_points), width), dtype=np.int64)
         self.inside_distances: Array = np.full((len(self.inside_points), width), np.inf)
         face_sides: list[IntArray] = []
         for face in range(len(solid.faces)):
-            own = of_patch[solid.patches[face]]
+            own = patch_sides[solid.patches[face]]
             if not count[face] or not len(own):
                 face_sides.append(np.empty(0, dtype=np.int64))
                 continue
@@ -230,13 +237,13 @@ def _cells(length: float, sampling: SamplingParameters, margin: float | None) ->
     return np.linspace(margin, length - margin, count + 1)
 
 
-def _along_edges(solid: SolidModel, lengths: Array, sampling: SamplingParameters) -> list[Array]:
+def _along_edges(solid: SolidModel, sampling: SamplingParameters) -> list[Array]:
     """Where each edge's points lie along it [m].
 
     An edge that is but a piece of a curve has none or few, so that the curve has enough.
     """
     found, passed = [], 0.5 * sampling.spacing
-    for length, going_on in zip(lengths, solid.continues, strict=True):
+    for length, going_on in zip(solid.edge_lengths, solid.continues, strict=True):
         if not going_on.any():
             found.append(_cells(length, sampling, margin=None))
             continue
@@ -294,15 +301,10 @@ def _patch_points(
     """Points about evenly spread over a curved surface, and the faces that they lie on."""
     rng = np.random.default_rng(0)  # The same solid has the same points.
     members = np.flatnonzero(np.isin(solid.triangle_faces, faces))
-    corners = solid.vertices[solid.triangles[members]]
-    ways = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * np.linalg.norm(np.cross(ways[:, 0], ways[:, 1]), axis=1)
-    spacing = min(sampling.spacing, math.sqrt(areas.sum()) / sampling.min_cells)
-    count = math.ceil(_CANDIDATES * areas.sum() / spacing**2)
-    chosen = rng.choice(len(members), size=count, p=areas / areas.sum())
-    a, b = rng.random((2, count, 1))
-    a, b = np.where(a + b > 1.0, 1.0 - a, a), np.where(a + b > 1.0, 1.0 - b, b)
-    points = corners[chosen, 0] + a * ways[chosen, 0] + b * ways[chosen, 1]
+    area = float(_surface.areas(solid.vertices, solid.triangles[members]).sum())
+    spacing = min(sampling.spacing, math.sqrt(area) / sampling.min_cells)
+    count = math.ceil(_CANDIDATES * area / spacing**2)
+    points, chosen = _surface.spread(solid.vertices, solid.triangles[members], count, rng)
     free = sides.distances(points, own) >= (sampling.margin or 0.0)
     points, chosen = points[free], chosen[free]
     kept: list[int] = []

@@ -47,6 +47,8 @@ class SolidModel:
         areas: Of the faces [m^2], shape (F,).
         centers: Mean of each face's outer corners [m], shape (F, 3).
         edges: Corner indices of each edge, shape (E, 2).
+        edge_lengths: Lengths of the edges [m], shape (E,).
+        edge_directions: Unit vectors along the edges, shape (E, 3).
         edge_faces: The two faces that meet at each edge, shape (E, 2).
         edge_inward: Unit vectors into those faces, across the edge, shape (E, 2, 3).
         is_convex: Whether it is convex.
@@ -111,8 +113,9 @@ class SolidModel:
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
         self.edges, self.edge_faces, signs = _surface.find_edges(loops)
         way = self.vertices[self.edges[:, 1]] - self.vertices[self.edges[:, 0]]
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        inward = np.cross(self.normals[self.edge_faces], way[:, None])
+        self.edge_lengths: Array = np.linalg.norm(way, axis=1)
+        self.edge_directions: Array = way / self.edge_lengths[:, None]
+        inward = np.cross(self.normals[self.edge_faces], self.edge_directions[:, None])
         self.edge_inward: Array = np.asarray(signs[..., None] * inward, dtype=float)
         self.is_convex = _surface.is_convex(vertices, self.normals, self.centers)
 
@@ -183,6 +186,17 @@ class SolidModel:
     def size(self) -> float:
         """Diagonal of the box around it, along the axes of its frame [m]."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    @property
+    def material_names(self) -> list[str]:
+        """The different materials, in the order of the first faces that have them, C of them."""
+        return list(dict.fromkeys(self.materials))
+
+    @cached_property
+    def material_numbers(self) -> IntArray:
+        """Each face's place in `material_names`, shape (F,)."""
+        numbers = {name: k for k, name in enumerate(self.material_names)}
+        return np.array([numbers[name] for name in self.materials], dtype=np.int64)
 
     @cached_property
     def smooth(self) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -171,12 +172,20 @@ class Symmetries:
         Returns:
             A pose vector, shape (6,); the very same where it is the nearest.
         """
+        if self.axis is None and 2.0 * rotation_angle(pose[3:], other[3:]) < self._least:
+            return pose
         poses = np.concatenate([pose[None], self.turns.of(pose)])
         if self.axis is not None:
             poses = np.concatenate([pose[None], *(self._turned(p, other)[None] for p in poses)])
         apart = rotation_angle(poses[:, 3:], np.broadcast_to(other[3:], (len(poses), 3)))
         best = int(np.argmin(apart.round(9)))
         return np.asarray(poses[best])
+
+    @cached_property
+    def _least(self) -> float:
+        """The least angle of a turn [rad]; what is within half of it is the nearest."""
+        cosines = 0.5 * (np.trace(self.turns.rotations, axis1=1, axis2=2) - 1.0)
+        return float(np.arccos(np.clip(cosines, -1.0, 1.0)).min(initial=np.inf))
 
     def _turned(self, pose: Array, other: Array) -> Array:
         """A pose turned about the axis to be nearest to another."""
@@ -196,6 +205,7 @@ NO_SYMMETRIES = Symmetries(Turns(np.empty((0, 3, 3)), np.empty((0, 3))))
 """Of a solid that looks different from everywhere."""
 
 
+@lru_cache(maxsize=16)  # Trackers and records ask for the same solid's.
 def find_symmetries(solid: SolidModel) -> Symmetries:
     """The rotations that change nothing of a solid that is to be seen.
 

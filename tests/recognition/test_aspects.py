@@ -19,7 +19,7 @@ def known(request):
     solid = SolidModel.from_mesh_file(MODELS / f"{request.param}.obj")
     model = SearchModel(solid)
     outlines_and_more, samples, _ = Matcher(model, CameraRig.stereo())._structs
-    return solid, model, outlines_and_more.outlines, samples.sight
+    return solid, model, outlines_and_more.outlines, samples.visibility
 
 
 def eyes(solid, seed=0):
@@ -93,7 +93,7 @@ def test_the_strip_lies_outside_the_solid(known):
             chosen = slice(sight.points_start[entry], sight.points_start[entry + 1])
             points = model.edge_points[sight.points[chosen]]
             assert (edge[sight.points[chosen]] == k).all()
-            n = np.cross(model.edge_directions[k], points[0] - eye)
+            n = np.cross(solid.edge_directions[k], points[0] - eye)
             n /= np.linalg.norm(n)
             n *= -np.sign(n @ solid.edge_inward[k, 0 if first else 1])
             for row, offset in enumerate(model.strip_offsets[1:], start=1):
@@ -138,5 +138,5 @@ def test_aspects_are_directions_and_every_direction_has_one():
 def test_a_convex_solid_with_few_edges_needs_none():
     box = SolidModel.from_mesh_file(MODELS / "target_box.obj")
     solid, samples, _ = Matcher(SearchModel(box), CameraRig.stereo())._structs
-    assert solid.outlines.grid == samples.sight.grid == 0
+    assert solid.outlines.grid == samples.visibility.grid == 0
     np.testing.assert_array_equal(solid.outlines.ends, box.vertices[box.edges])

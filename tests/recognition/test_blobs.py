@@ -266,7 +266,7 @@ def test_looks_are_those_of_the_solid_s_images(name):
     num_colors, turns = len(matcher.colors.names), _looks.spread_turns(60)
     corners = _looks.Corners(solid.vertices, solid.edges, solid.edge_faces)
     table = _looks.make_looks(matcher.struct, corners, classes, num_colors, distance, turns)
-    drawn = as_drawn(solid, matcher.struct.alike)
+    drawn = as_drawn(solid)
     coarse = _looks.draw_looks(drawn, classes, num_colors, distance, turns)
     np.testing.assert_allclose(coarse.area, table.area, rtol=0.06)
     np.testing.assert_allclose(coarse.center, table.center, atol=0.002)

@@ -448,7 +448,7 @@ def test_the_paper_s_box_has_340_inside_points_on_cells_of_20_mm():
     np.testing.assert_array_equal(np.diff(model.inside_start), [80, 80, 50, 50, 40, 40])
     assert len(model.inside_points) == 340
     # Edges along x, y, z, four each: 5, 8 and 10 cells.
-    along = np.argmax(np.abs(model.edge_directions), axis=1)
+    along = np.argmax(np.abs(model.solid.edge_directions), axis=1)
     np.testing.assert_array_equal(np.diff(model.edge_start), np.array([5, 8, 10])[along])
     assert len(model.edge_points) == 4 * (5 + 8 + 10)
 
@@ -530,7 +530,7 @@ def test_edge_points_divide_their_edge_evenly(solid):
     for k, (a, b) in enumerate(solid.vertices[solid.edges]):
         points = model.edge_points[model.edge_start[k] : model.edge_start[k + 1]]
         length = np.linalg.norm(b - a)
-        np.testing.assert_allclose(model.edge_directions[k], (b - a) / length, atol=1e-14)
+        np.testing.assert_allclose(model.solid.edge_directions[k], (b - a) / length, atol=1e-14)
         shares = (np.arange(len(points)) + 0.5) / len(points)
         np.testing.assert_allclose(points, a + shares[:, None] * (b - a), atol=1e-15)
         assert len(points) == max(5, math.ceil(length / 0.020 - 1e-9))

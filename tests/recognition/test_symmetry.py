@@ -183,3 +183,30 @@ def test_where_nothing_is_alike_the_pose_is_the_very_same():
     assert NO_SYMMETRIES.nearest(psi, pose((0, 0, 1), (0, 0, 0))) is not None
     np.testing.assert_array_equal(NO_SYMMETRIES.nearest(psi, psi), psi)
     assert str(NO_SYMMETRIES) == "none"
+
+
+@pytest.mark.parametrize("sides", [24, 31, 40, 53, 64])
+def test_an_axis_is_found_however_many_facets_approximate_the_surface(sides):
+    """Narrow and small parts of it, of other colors, included."""
+    profile = [
+        (0.0, -0.06),
+        (0.045, -0.06),
+        (0.045, 0.06),
+        (0.041, 0.06),
+        (0.041, -0.05),
+        (0, -0.05),
+    ]
+    vertices, rings = [], []
+    for r, z in profile:
+        angles = 2 * np.pi * np.arange(sides if r else 1) / sides
+        rings.append(np.arange(len(angles)) + len(vertices))
+        vertices += [(r * np.cos(a), r * np.sin(a), z) for a in angles]
+    faces, hues = [], []
+    for k in range(len(profile) - 1):
+        for i in range(sides):
+            ring = [rings[k], rings[k], rings[k + 1], rings[k + 1]]
+            at = zip(ring, (i, i + 1, i + 1, i), strict=True)
+            faces.append(tuple(dict.fromkeys(int(one[j % len(one)]) for one, j in at)))
+            hues.append(k)
+    found = find_symmetries(SolidModel(vertices, faces, hues))
+    np.testing.assert_allclose(np.abs(found.axis[1]), [0, 0, 1], atol=1e-3)

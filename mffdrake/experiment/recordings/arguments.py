@@ -71,7 +71,7 @@ def LoadTarget(path: Path | str) -> SolidModel:
         path: The file.
 
     Raises:
-        ArgumentsError: When it is no convex solid with a hue on every face.
+        ArgumentsError: When it is no closed solid with a hue on every face.
         OSError: When there is no such file.
     """
     if not Path(path).is_file():
