@@ -20,7 +20,7 @@ States = NDArray[np.uint32]
 CONTOUR, CREASE, FREE, FIRST_ROW = 1, 2, 4, 8
 """What an edge's point is: between a visible and a hidden face, or between two visible ones; seen,
 with the face, and nothing else of its color behind it; and, from this bit on, whether each row of
-the strip lies outside the solid there."""
+the strip lies outside the solid there. What is no border, as a crease of one color, is nothing."""
 
 _RESOLUTION = 192  # pixels across
 _DISTANCE = 3.0  # of the camera from the solid, in sizes of it
@@ -177,8 +177,20 @@ def draw(camera: Camera, drawn: Drawn, canvas: Canvas) -> None:
         left, right = max(0, math.ceil(min(ax, bx, cx))), min(n - 1, math.floor(max(ax, bx, cx)))
         top, bottom = max(0, math.ceil(min(ay, by, cy))), min(n - 1, math.floor(max(ay, by, cy)))
         face = drawn.triangle_faces[t]
+        ab, bc, ca = (bx - ax) / (by - ay), (cx - bx) / (cy - by), (ax - cx) / (ay - cy)
         for y in range(int(top), int(bottom) + 1):
-            for x in range(int(left), int(right) + 1):
+            # Where the triangle's sides cross the row, and one pixel more
+            low, high = 1e9, -1e9
+            if (ay <= y) != (by <= y):
+                low = high = ax + (y - ay) * ab
+            if (by <= y) != (cy <= y):
+                x = bx + (y - by) * bc
+                low, high = min(low, x), max(high, x)
+            if (cy <= y) != (ay <= y):
+                x = cx + (y - cy) * ca
+                low, high = min(low, x), max(high, x)
+            first, last = max(left, math.floor(low) - 1), min(right, math.ceil(high) + 1)
+            for x in range(int(first), int(last) + 1):
                 wa = (bx - x) * (cy - y) - (by - y) * (cx - x)
                 wb = (cx - x) * (ay - y) - (cy - y) * (ax - x)
                 wc = (ax - x) * (by - y) - (ay - y) * (bx - x)
@@ -220,25 +232,30 @@ def _face_at(camera: Camera, canvas: Canvas, x: float, y: float, z: float) -> in
     return canvas.faces[i, j]  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
-def survey(
-    grid: int, drawn: Drawn, marks: Marks
-) -> tuple[NDArray[np.bool_], States, NDArray[np.bool_]]:
-    """What is seen of points from the corners of all aspects, ``(grid + 1)^2``, N of them.
+class Survey(NamedTuple):
+    """What is seen from the corners of all aspects, N of them.
 
-    Returns which inside points are hidden though their face looks at the camera, shape (N, P); the
-    states of the edges' points, shape (N, Q); and which faces look at the camera, shape (N, F).
+    Attributes:
+        hidden: Which inside points are hidden though their face looks at the camera, shape (N, P).
+        states: The states of the edges' points, shape (N, Q).
+        facing: Which faces look at the camera, shape (N, F).
     """
-    count = (grid + 1) ** 2
-    hidden = np.zeros((count, len(marks.inside)), dtype=np.bool_)
-    states = np.zeros((count, len(marks.edges)), dtype=np.uint32)
-    facing = np.zeros((count, len(drawn.normals)), dtype=np.bool_)
+
+    hidden: NDArray[np.bool_]
+    states: States
+    facing: NDArray[np.bool_]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def survey_row(grid: int, row: int, drawn: Drawn, marks: Marks, survey: Survey) -> None:
+    """Finds out what is seen from a row of the aspects' corners."""
+    hidden, states, facing = survey
     canvas = Canvas(
         np.empty((_RESOLUTION, _RESOLUTION)),
         np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
     )
     size = 2.0 * drawn.radius
-    for k in range(count):
+    for k in range(row * (grid + 1), (row + 1) * (grid + 1)):
         direction = corner_direction(k // (grid + 1), k % (grid + 1), grid)
         camera = camera_at(direction, drawn, _DISTANCE * size, _RESOLUTION)
         draw(camera, drawn, canvas)
@@ -254,7 +271,6 @@ def survey(
                 hidden[k, p] = not is_seen(camera, canvas, marks.inside[p], face)
         for q in range(len(marks.edges)):
             states[k, q] = _edge_state(camera, canvas, drawn, marks, q, facing[k])
-    return hidden, states, facing
 
 
 @njit(cache=True, error_model="numpy")
@@ -270,10 +286,13 @@ def _edge_state(
     first, second = marks.edge_faces[q]
     if not (facing[first] or facing[second]):
         return 0
+    crease = facing[first] and facing[second]
+    if crease and marks.alike[marks.kinds[first], marks.kinds[second]]:
+        return 0
     point, eye = marks.edges[q], camera.place
     state = CREASE
     inside = first
-    if facing[first] != facing[second]:
+    if not crease:
         state = CONTOUR
         inside = first if facing[first] else second
     else:

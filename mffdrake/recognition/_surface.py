@@ -13,6 +13,7 @@ Loop = tuple[int, ...]
 
 _SAME_NORMAL, _SAME_HUE = 1e-3, 1e-3  # Unit normals and hues [rad] this close are the same;
 _SAME_LENGTH = 1e-4  # so are lengths, as a share of the solid's size.
+_ODD_DIRECTION = np.array([0.5270463, 0.6871843, 0.4996572])
 
 
 def triangulate(vertices: Array, face: Sequence[int]) -> list[Loop]:
@@ -76,32 +77,28 @@ def weld(triangles: Array) -> tuple[Array, IntArray, IntArray]:
     return vertices, index[kept], kept
 
 
-def areas(vertices: Array, triangles: IntArray) -> Array:
-    """Areas of triangles, shape (T,)."""
-    return np.asarray(0.5 * np.linalg.norm(_doubled_areas(vertices, triangles), axis=1))
+def areas(triangles: Array) -> Array:
+    """Areas of triangles, given by their corners, shape (T, 3, 3)."""
+    return np.asarray(0.5 * np.linalg.norm(_doubled_areas(triangles), axis=1))
 
 
-def spread(
-    vertices: Array, triangles: IntArray, count: int, rng: np.random.Generator
-) -> tuple[Array, IntArray]:
+def spread(triangles: Array, count: int, rng: np.random.Generator) -> tuple[Array, IntArray]:
     """Points drawn evenly over triangles.
 
     Args:
-        vertices: Corner points, shape (V, 3).
-        triangles: Their corners, shape (T, 3).
+        triangles: Their corners, shape (T, 3, 3).
         count: Number N of points.
         rng: Source of randomness.
 
     Returns:
         The points, shape (N, 3), and the triangles that they lie on, shape (N,).
     """
-    corners = vertices[triangles]
-    ways = corners[:, 1:] - corners[:, :1]
-    sizes = areas(vertices, triangles)
+    ways = triangles[:, 1:] - triangles[:, :1]
+    sizes = areas(triangles)
     chosen = rng.choice(len(triangles), size=count, p=sizes / sizes.sum())
     a, b = rng.random((2, count, 1))
     a, b = np.where(a + b > 1.0, 1.0 - a, a), np.where(a + b > 1.0, 1.0 - b, b)
-    return corners[chosen, 0] + a * ways[chosen, 0] + b * ways[chosen, 1], chosen
+    return triangles[chosen, 0] + a * ways[chosen, 0] + b * ways[chosen, 1], chosen
 
 
 def cluster(rows: Array) -> IntArray:
@@ -110,10 +107,12 @@ def cluster(rows: Array) -> IntArray:
     Labels are in the order of the rows that are the first to have them.
     """
     labels = np.full(len(rows), -1, dtype=np.int64)
-    order = np.argsort(rows[:, 0], kind="stable")
-    first = rows[order, 0]
-    start = np.searchsorted(first, rows[:, 0] - 1.0, side="right")
-    stop = np.searchsorted(first, rows[:, 0] + 1.0, side="left")
+    # Sorted along an odd direction, in which rows with the same numbers in a column lie apart.
+    along = rows @ _ODD_DIRECTION
+    order = np.argsort(along, kind="stable")
+    reach = np.abs(_ODD_DIRECTION).sum()
+    start = np.searchsorted(along[order], along - reach)
+    stop = np.searchsorted(along[order], along + reach, side="right")
     count = 0
     for k in range(len(rows)):
         if labels[k] < 0:
@@ -142,9 +141,9 @@ def check(vertices: Array, triangles: IntArray, names: ArrayLike) -> None:
             heads.setdefault(side, []).append(k)
     for (a, b), there in heads.items():
         back = heads.get((b, a), [])
-        edge = f"the edge from {_place(vertices[a])} to {_place(vertices[b])}"
         if len(there) == len(back) == 1:
             continue
+        edge = f"the edge from {_place(vertices[a])} to {_place(vertices[b])}"
         if len(there) + len(back) == 1:
             raise ValueError(
                 f"not a closed solid: open at {edge}, which has face {names[there[0]]} alone; "
@@ -159,7 +158,7 @@ def check(vertices: Array, triangles: IntArray, names: ArrayLike) -> None:
             f"not a closed solid: {edge} has {len(there) + len(back)} faces instead of two; make "
             "parts that touch there one solid, or part them"
         )
-    doubled = _doubled_areas(vertices, triangles)
+    doubled = _doubled_areas(vertices[triangles])
     volume = float(np.einsum("tk,tk->", doubled, vertices[triangles[:, 0]])) / 6.0
     if abs(volume) <= _SAME_LENGTH * float(np.ptp(vertices, axis=0).max()) ** 3 * _SAME_LENGTH:
         raise ValueError(
@@ -178,15 +177,15 @@ def _place(point: Array) -> str:
     return "({:.4g}, {:.4g}, {:.4g}) m".format(*(point + 0.0))
 
 
-def _doubled_areas(vertices: Array, triangles: IntArray) -> Array:
+def _doubled_areas(triangles: Array) -> Array:
     """Normals of triangles, as long as twice their areas, shape (T, 3)."""
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    a, b, c = triangles.transpose(1, 0, 2)
     return np.asarray(np.cross(b - a, c - a))
 
 
 def merge_coplanar(vertices: Array, triangles: IntArray, hues: Array) -> IntArray:
     """Numbers of the faces that triangles are parts of, in the order of the first ones, (T,)."""
-    normals = _doubled_areas(vertices, triangles)
+    normals = _doubled_areas(vertices[triangles])
     lengths = np.linalg.norm(normals, axis=1)
     sides = np.linalg.norm(np.roll(vertices[triangles], -1, 1) - vertices[triangles], axis=2)
     flat = lengths <= _SAME_LENGTH * sides.max(axis=1) ** 2
@@ -214,7 +213,7 @@ def same_hues(first: Array, second: Array) -> NDArray[np.bool_]:
 
 def largest(vertices: Array, triangles: IntArray, faces: IntArray) -> IntArray:
     """The largest triangle of every face, the first of those, shape (F,)."""
-    doubled = 2.0 * areas(vertices, triangles)
+    doubled = 2.0 * areas(vertices[triangles])
     order = np.lexsort((np.arange(len(doubled)), -doubled.round(15), faces))
     return order[np.unique(faces[order], return_index=True)[1]]
 
@@ -298,10 +297,19 @@ def trace_loops(vertices: Array, triangles: IntArray, faces: IntArray) -> list[l
                 if here == start:
                     break
             loops.append(_without_straight(vertices, loop, is_end))
-        loops.sort(key=lambda loop: -_doubled_area(vertices, loop))
+        if len(loops) > 1:
+            loops.sort(key=lambda loop: -_doubled_area(vertices, loop))
         loops[0] = _started(vertices, loops[0])
         found.append(loops)
     return found
+
+
+def renumber(loops: Sequence[Sequence[Loop]]) -> tuple[IntArray, list[list[Loop]]]:
+    """The vertices that loops use, and the loops with numbers of those."""
+    used = sorted({k for face in loops for loop in face for k in loop})
+    number = {k: place for place, k in enumerate(used)}
+    renumbered = [[tuple(number[k] for k in loop) for loop in face] for face in loops]
+    return np.array(used, dtype=np.int64), renumbered
 
 
 def _doubled_area(vertices: Array, loop: Loop) -> float:
@@ -311,6 +319,8 @@ def _doubled_area(vertices: Array, loop: Loop) -> float:
 
 def _without_straight(vertices: Array, loop: list[int], is_end: NDArray[np.bool_]) -> Loop:
     """A loop without corners at which it does not turn and no side ends."""
+    if len(loop) == 3:  # by far the most in meshes of curved surfaces
+        return tuple(loop)
     p = vertices[loop]
     before, after = p - np.roll(p, 1, axis=0), np.roll(p, -1, axis=0) - p
     turn = np.linalg.norm(np.cross(before, after), axis=1)
@@ -321,6 +331,9 @@ def _without_straight(vertices: Array, loop: list[int], is_end: NDArray[np.bool_
 
 def _started(vertices: Array, loop: Loop) -> Loop:
     """A loop from its corner on that is the first by angle, from its corner of the least index."""
+    if len(loop) == 3:
+        k = loop.index(min(loop)) - 1
+        return loop[k:] + loop[:k]
     arm = vertices[list(loop)] - vertices[sorted(loop)].mean(axis=0)
     normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
     first = arm[int(np.argmin(loop))]

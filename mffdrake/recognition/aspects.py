@@ -7,23 +7,28 @@ an aspect is what holds at all of its corners. A pose's aspect is then looked up
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
+from mffdrake.recognition.kept import kept
 from mffdrake.recognition.search_model import SearchModel
 from mffdrake.recognition.solid_model import SolidModel
 
 if TYPE_CHECKING:
-    from mffdrake.recognition._aspects import Drawn
+    from mffdrake.recognition._aspects import Drawn, Survey
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 GRID = 32  # aspects along and across, 6 degrees wide
-_PIECES = 40  # Edges are looked at in so many places over the solid's size.
+_PIECES = 40  # Edges are looked at in so many places over the solid's size, ...
+_MOST_PIECES = 6000  # but, where they are many, in about so many in all.
 
 
 class Outlines(NamedTuple):
@@ -90,22 +95,26 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
             0, np.array([0, len(every)]), every, ends, solid.edge_faces, solid.edge_inward,
             np.where(solid.continues, 0.0, 1.0), solid.smooth,
         )  # fmt: skip
-    counts = np.maximum(1, np.ceil(solid.edge_lengths * _PIECES / solid.size)).astype(np.int64)
+    lengths = solid.edge_lengths
+    per_length = min(_PIECES / solid.size, _MOST_PIECES / lengths.sum())
+    counts = np.maximum(1, np.ceil(lengths * per_length)).astype(np.int64)
+    return kept(_draw_outlines, solid, alike, counts, key=[solid.fingerprint, alike, counts])
+
+
+def _draw_outlines(solid: SolidModel, alike: Flags, counts: IntArray) -> Outlines:
+    """`find_outlines`, with so many pieces of each edge."""
+    ends = solid.vertices[solid.edges]
     edge = np.repeat(np.arange(len(counts)), counts)
     piece = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (piece + 0.5) / counts[edge]
     points = ends[edge, 0] + share[:, None] * (ends[edge, 1] - ends[edge, 0])
-    _, states, _ = _survey(
+    states = _survey(
         solid, alike, np.empty((0, 3)), np.empty(0, dtype=np.int64), edge, points, np.empty(0)
-    )
+    ).states
 
     from mffdrake.recognition import _aspects  # numba: slow to import
 
-    # A crease between faces of one color is no border, but where it is a contour.
-    kinds = solid.material_numbers[solid.edge_faces[edge]]
-    flat = alike[kinds[:, 0], kinds[:, 1]]
-    contour = (states & _aspects.CONTOUR) > 0
-    relevant = contour | (((states & _aspects.CREASE) > 0) & ~flat)
+    relevant = (states & (_aspects.CONTOUR | _aspects.CREASE)) > 0
     free = (states & _aspects.FREE) > 0
     some, bad = _of_corners(relevant), _of_corners(relevant & ~free)
     allowed = some & ~bad
@@ -116,9 +125,9 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
     begins = np.argwhere(first[:, :-1] & allowed)
     last = padded[:, :-1] & ~(padded[:, 1:] & ahead)
     stops_at = np.argwhere(last[:, 1:] & allowed)[:, 1]
-    runs, number = np.unique(
-        np.stack([begins[:, 1], stops_at], axis=1), axis=0, return_inverse=True
-    )
+    # As one number each, which are sorted much faster
+    runs, number = np.unique(begins[:, 1] * len(edge) + stops_at, return_inverse=True)
+    runs = np.stack(np.divmod(runs, len(edge)), axis=1)
     start = np.searchsorted(begins[:, 0], np.arange(GRID * GRID + 1))
     of_edge = edge[runs[:, 0]]
     shares = np.stack(
@@ -140,16 +149,23 @@ def find_visibility(model: SearchModel, alike: Flags) -> Visibility:
         model: The sampled solid.
         alike: As for `find_outlines`.
     """
-    solid, offsets = model.solid, model.strip_offsets
-    edge = model.point_edges
-    all_rows = np.uint32(2 ** len(offsets) - 1)
+    solid = model.solid
     if solid.is_plain:
+        every = np.arange(len(model.edge_points))
+        all_rows = np.full(len(every), 2 ** len(model.strip_offsets) - 1, dtype=np.uint32)
         return Visibility(
             0, np.array([0, len(solid.faces)]), np.arange(len(solid.faces)),
             np.ones((1, len(model.inside_points)), dtype=bool),
             np.array([0, len(solid.edges)]), np.arange(len(solid.edges)), model.edge_start,
-            np.arange(len(edge)), np.full(len(edge), all_rows),
+            every, all_rows,
         )  # fmt: skip
+    points = [model.inside_points, model.edge_points, model.strip_offsets]
+    return kept(_draw_visibility, model, alike, key=[solid.fingerprint, alike, *points])
+
+
+def _draw_visibility(model: SearchModel, alike: Flags) -> Visibility:
+    """`find_visibility`."""
+    solid, offsets, edge = model.solid, model.strip_offsets, model.point_edges
     hidden, states, facing = _survey(
         solid, alike, model.inside_points, model.inside_faces, edge, model.edge_points, offsets
     )
@@ -167,14 +183,15 @@ def find_visibility(model: SearchModel, alike: Flags) -> Visibility:
     heads = np.flatnonzero(changes)
     edges = edge[point[heads]]
     # The faces whose visibility has to be known in an aspect
-    needed = _of_corners(facing)
-    needed[:, np.diff(model.inside_start) == 0] = False
+    shown = ~_of_corners(hidden)
+    until = np.pad(np.cumsum(shown, axis=1), ((0, 0), (1, 0)))[:, model.inside_start]
+    needed = _of_corners(facing) & (np.diff(until, axis=1) > 0)
     for face in solid.edge_faces[edges].T:
         needed[entry[heads], face] = True
     field, faces = np.nonzero(needed)
     fields = np.arange(GRID * GRID + 1)
     return Visibility(
-        GRID, np.searchsorted(field, fields), faces, ~_of_corners(hidden),
+        GRID, np.searchsorted(field, fields), faces, shown,
         np.searchsorted(entry[heads], fields), edges, np.append(heads, len(point)), point,
         rows[entry, point],
     )  # fmt: skip
@@ -186,8 +203,9 @@ def as_drawn(solid: SolidModel) -> Drawn:
 
     middle = solid.vertices.mean(axis=0)
     radius = float(np.linalg.norm(solid.vertices - middle, axis=1).max())
+    vertices, index = np.unique(solid.triangles.reshape(-1, 3), axis=0, return_inverse=True)
     return Drawn(
-        solid.vertices, solid.triangles, solid.triangle_faces, solid.normals, solid.centers,
+        vertices, index.reshape(-1, 3), solid.triangle_faces, solid.normals, solid.centers,
         middle, radius,
     )  # fmt: skip
 
@@ -208,14 +226,27 @@ def _survey(
     edge: IntArray,
     points: Array,
     offsets: Array,
-) -> tuple[Flags, NDArray[np.uint32], Flags]:
-    """`_aspects.survey` at all corners of all aspects."""
+) -> Survey:
+    """What is seen from all corners of all aspects."""
     from mffdrake.recognition import _aspects  # numba: slow to import
 
     marks = _aspects.Marks(
         inside, owners, points, solid.edge_directions[edge], solid.edge_faces[edge],
         solid.edge_inward[edge], offsets, solid.material_numbers, alike,
     )  # fmt: skip
-    found: tuple[Flags, NDArray[np.uint32], Flags]
-    found = _aspects.survey(GRID, as_drawn(solid), marks)
+    count, drawn = (GRID + 1) ** 2, as_drawn(solid)
+    found = _aspects.Survey(
+        np.zeros((count, len(inside)), dtype=bool),
+        np.zeros((count, len(edge)), dtype=np.uint32),
+        np.zeros((count, len(solid.faces)), dtype=bool),
+    )
+
+    def look(row: int) -> None:
+        _aspects.survey_row(GRID, row, drawn, marks, found)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        rows = pool.map(look, range(GRID + 1))
+        told = "looking at the target from all sides"
+        for _ in tqdm(rows, told, GRID + 1, delay=1.0, leave=False, disable=None):
+            pass
     return found

@@ -21,7 +21,8 @@ from mffdrake.recognition.solid_model import SolidModel
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MOST_POINTS = 200_000
+_TOO_MANY = 200_000  # points
+_MOST_INSIDE, _MOST_ALONG = 600, 600  # points; each face and edge has some, if they are not many
 _MOST_NEAR = 6  # sides of a face, near a point
 _CANDIDATES = 16  # for a point on a curved surface
 _PACKING = 0.8  # Points at least so many spacings apart are as dense as those of a grid.
@@ -160,7 +161,7 @@ class SearchModel:
     def __init__(self, solid: SolidModel, sampling: SamplingParameters | None = None) -> None:
         sampling = SamplingParameters() if sampling is None else sampling
         self.solid = solid
-        if solid.areas.sum() > _MOST_POINTS * sampling.spacing**2:
+        if solid.areas.sum() > _TOO_MANY * sampling.spacing**2:
             raise ParameterError(
                 f"the solid is {np.ptp(solid.vertices, axis=0).max():g} m long, too large for "
                 f"points {sampling.spacing:g} m apart: the mesh is probably in millimeters, but "
@@ -180,6 +181,7 @@ class SearchModel:
                 points, owners = _patch_points(solid, faces, self.sides, sides, sampling)
                 for face in np.unique(owners):
                     inside[face] = points[owners == face]
+        inside = _thin(inside, solid.areas, _MOST_INSIDE)
         self.inside_points: Array = np.concatenate(inside)
         self.inside_start: IntArray = np.cumsum([0, *map(len, inside)])
         self._find_near_sides(patch_sides)
@@ -250,7 +252,32 @@ def _along_edges(solid: SolidModel, sampling: SamplingParameters) -> list[Array]
         marks = np.arange(*(math.ceil(way / sampling.spacing) for way in (passed, passed + length)))
         found.append(marks * sampling.spacing - passed)
         passed = math.fmod(passed + length, sampling.spacing)
+    straight = np.flatnonzero(~solid.continues.any(axis=1))
+    fewer = _thin([found[e] for e in straight], solid.edge_lengths[straight], _MOST_ALONG)
+    for e, distances in zip(straight, fewer, strict=True):
+        found[e] = distances
     return found
+
+
+def _thin(points: Sequence[Array], sizes: Array, most: int) -> list[Array]:
+    """Leaves out points evenly where there are too many.
+
+    Args:
+        points: Points of each part.
+        sizes: How large each part is. What is left stands for about equal sizes.
+        most: How many may be left.
+    """
+    counts = np.array([len(part) for part in points])
+    if counts.sum() <= most:
+        return list(points)
+    reached = np.cumsum(np.repeat(sizes / np.maximum(counts, 1), counts))
+    marks = (np.arange(most) + 0.5) * reached[-1] / most
+    kept = np.zeros(len(reached), dtype=bool)
+    kept[np.searchsorted(reached, marks)] = True
+    ends = np.cumsum(counts)
+    return [
+        part[kept[end - len(part) : end]] for part, end in zip(points, ends.tolist(), strict=True)
+    ]
 
 
 def _face_points(
@@ -269,29 +296,27 @@ def _face_points(
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     points = corners[0] + grid[:, :1] * x + grid[:, 1:] * y
     least = 1e-9 if sampling.margin is None else sampling.margin - 1e-9
-    within = _is_within(solid, solid.triangles[solid.triangle_faces == face], points)
+    triangles = solid.triangles[solid.triangle_faces == face]
+    within = _is_within(triangles, points)
     points = points[within & (sides.distances(points, own) >= least)]
     if len(points):
         return np.asarray(points)
-    triangles = solid.vertices[solid.triangles[solid.triangle_faces == face]]
     if len(triangles) == len(corners) - 2 and solid.is_convex:
         return solid.centers[face : face + 1]
     areas = np.linalg.norm(np.cross(*(triangles[:, 1:] - triangles[:, :1]).swapaxes(0, 1)), axis=1)
     return np.asarray(triangles[np.argmax(areas)].mean(axis=0, keepdims=True))
 
 
-def _is_within(solid: SolidModel, triangles: IntArray, points: Array) -> NDArray[np.bool_]:
-    """Whether points of a face's plane lie in one of its triangles, shape (N,)."""
+def _is_within(triangles: Array, points: Array) -> NDArray[np.bool_]:
+    """Whether points of a face's plane lie in one of its triangles, shape (T, 3, 3); (N,)."""
     within = np.zeros(len(points), dtype=bool)
-    for a, b, c in solid.vertices[triangles]:
-        normal = np.cross(b - a, c - a)
-        squared = normal @ normal
-        if squared == 0.0:
-            continue
-        inside = np.ones(len(points), dtype=bool)
-        for start, end in ((a, b), (b, c), (c, a)):
-            inside &= np.cross(end - start, points - start) @ normal >= -1e-9 * squared
-        within |= inside
+    ways = np.roll(triangles, -1, axis=1) - triangles
+    normals = np.cross(ways[:, 0], ways[:, 1])
+    squared = np.einsum("tk,tk->t", normals, normals)
+    inward = np.cross(normals[:, None], ways)
+    for k in np.flatnonzero(squared > 0.0):
+        heights = points @ inward[k].T - np.einsum("sk,sk->s", triangles[k], inward[k])
+        within |= (heights >= -1e-9 * squared[k]).all(axis=1)
     return within
 
 
@@ -301,10 +326,10 @@ def _patch_points(
     """Points about evenly spread over a curved surface, and the faces that they lie on."""
     rng = np.random.default_rng(0)  # The same solid has the same points.
     members = np.flatnonzero(np.isin(solid.triangle_faces, faces))
-    area = float(_surface.areas(solid.vertices, solid.triangles[members]).sum())
+    area = float(_surface.areas(solid.triangles[members]).sum())
     spacing = min(sampling.spacing, math.sqrt(area) / sampling.min_cells)
     count = math.ceil(_CANDIDATES * area / spacing**2)
-    points, chosen = _surface.spread(solid.vertices, solid.triangles[members], count, rng)
+    points, chosen = _surface.spread(solid.triangles[members], count, rng)
     free = sides.distances(points, own) >= (sampling.margin or 0.0)
     points, chosen = points[free], chosen[free]
     kept: list[int] = []

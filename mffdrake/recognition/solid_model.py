@@ -6,6 +6,7 @@ many small faces may approximate a curved surface.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -41,7 +42,7 @@ class SolidModel:
         holes: For each face the corners of its holes, clockwise; most have none.
         hues: As given, in [0, 2 pi), shape (F,).
         materials: Name of each face's material, a tuple; faces of one material look alike.
-        triangles: Corners of triangles that make up the faces, shape (T, 3).
+        triangles: Corners of triangles that make up the faces [m], shape (T, 3, 3).
         triangle_faces: The face of each triangle, shape (T,).
         normals: Outward unit normals, shape (F, 3).
         areas: Of the faces [m^2], shape (F,).
@@ -86,13 +87,14 @@ class SolidModel:
             _surface.check(corners, triangles, triangle_faces)
         except ValueError as error:
             raise ValueError(f"SolidModel: {error}") from error
-        self._fill(corners, [(face,) for face in outer], triangles, triangle_faces, hues, materials)
+        loops = [(face,) for face in outer]
+        self._fill(corners, loops, corners[triangles], triangle_faces, hues, materials)
 
     def _fill(
         self,
         vertices: Array,
         loops: Sequence[Sequence[tuple[int, ...]]],
-        triangles: IntArray,
+        triangles: Array,
         triangle_faces: IntArray,
         hues: Array,
         materials: Sequence[str] | None,
@@ -104,7 +106,7 @@ class SolidModel:
         if materials is None:
             materials = [f"hue {math.degrees(hue):.6g} deg" for hue in self.hues]
         self.materials = tuple(materials)
-        self.triangles: IntArray = triangles
+        self.triangles: Array = triangles
         self.triangle_faces: IntArray = triangle_faces
         doubled = np.array([sum(self._doubled_area(side) for side in loop) for loop in loops])
         lengths = np.linalg.norm(doubled, axis=1)
@@ -162,7 +164,8 @@ class SolidModel:
 
         Args:
             triangles: Corners of each, counterclockwise seen from outside [m], shape (T, 3, 3).
-                Corners that are the same but for rounding are one.
+                Corners that are the same but for rounding are one, and those that no face needs
+                are left out.
             hues: Hue of each [rad], shape (T,).
             materials: Name of each one's material.
 
@@ -178,8 +181,10 @@ class SolidModel:
         labels = _surface.merge_coplanar(vertices, index, hues)
         first = _surface.largest(vertices, index, labels)
         solid = cls.__new__(cls)
-        loops = _surface.trace_loops(vertices, index, labels)
-        solid._fill(vertices, loops, index, labels, hues[first], [names[k] for k in first])
+        used, loops = _surface.renumber(_surface.trace_loops(vertices, index, labels))
+        solid._fill(
+            vertices[used], loops, vertices[index], labels, hues[first], [names[k] for k in first]
+        )
         return solid
 
     @property
@@ -239,6 +244,14 @@ class SolidModel:
         on = on - self.vertices[vertex]
         straight = way @ on > _SMOOTH * np.linalg.norm(way) * np.linalg.norm(on)
         return patches[0] == patches[1] and bool(straight)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A digest by which solids are told apart."""
+        digest = hashlib.sha256(repr((self.faces, self.holes, self.materials)).encode())
+        for part in (self.vertices, self.hues, self.triangles, self.triangle_faces):
+            digest.update(part.tobytes())
+        return digest.hexdigest()
 
     @property
     def is_plain(self) -> bool:

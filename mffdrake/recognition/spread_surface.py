@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,13 +45,12 @@ class Surface:
     def of(cls, solid: SolidModel) -> Surface:
         """The surface of a solid."""
         rng = np.random.default_rng(0)  # The same solid has the same points.
-        points, chosen = _surface.spread(solid.vertices, solid.triangles, _SPREAD, rng)
-        corners = solid.vertices[solid.triangles]
-        areas = _surface.areas(solid.vertices, solid.triangles)
+        points, chosen = _surface.spread(solid.triangles, _SPREAD, rng)
+        areas = _surface.areas(solid.triangles)
         hues = np.unique(solid.hues.round(3), return_inverse=True)[1].reshape(-1)
         # Of the triangles themselves, lest the center is off by chance
-        center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
-        arms = corners.mean(axis=1) - center
+        center = (areas[:, None] * solid.triangles.mean(axis=1)).sum(axis=0) / areas.sum()
+        arms = solid.triangles.mean(axis=1) - center
         _, principal = np.linalg.eigh((areas[:, None] * arms).T @ arms)
         large = solid.normals[solid.areas > 0.05 * solid.areas.sum()]
         directions: list[Array] = []
@@ -61,6 +61,16 @@ class Surface:
             points, hues[solid.triangle_faces[chosen]], center, _APART * solid.size,
             np.array(directions),
         )  # fmt: skip
+
+    @cached_property
+    def _arms(self) -> Array:
+        """The points, seen from the center [m], shape (N, 3)."""
+        return self.points - self.center
+
+    @cached_property
+    def _squared(self) -> Array:
+        """Squares of their lengths [m^2], shape (N,)."""
+        return np.asarray(np.einsum("nk,nk->n", self._arms, self._arms))
 
     def turns(self, *, by_color: bool) -> Array:
         """Fractions of turns that bring the surface onto itself, shape (K, 3, 3)."""
@@ -79,12 +89,12 @@ class Surface:
 
     def coincides(self, R: Array, *, by_color: bool) -> bool:
         """Whether a rotation about the center brings the surface onto itself."""
+        arms = self._arms
         for start in range(0, _TESTED, _AT_ONCE):
             some = slice(start, start + _AT_ONCE)
-            turned = (self.points[some] - self.center) @ R.T + self.center
-            apart = np.linalg.norm(turned[:, None] - self.points, axis=-1)
+            squared = self._squared[some, None] + self._squared - 2.0 * (arms[some] @ R.T) @ arms.T
             if by_color:
-                apart[self.hues[some, None] != self.hues] = np.inf
-            if apart.min(axis=1).max() > self.limit:
+                squared[self.hues[some, None] != self.hues] = np.inf
+            if squared.min(axis=1).max() > self.limit**2:
                 return False
         return True

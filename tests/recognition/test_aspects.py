@@ -34,7 +34,7 @@ def eyes(solid, seed=0):
 
 def first_hit(solid, eye, points):
     """Where rays to points first meet the solid: 1 at the points, infinity for never."""
-    a, b, c = solid.vertices[solid.triangles].transpose(1, 0, 2)
+    a, b, c = solid.triangles.transpose(1, 0, 2)
     way = points - eye
     first = np.full(len(points), np.inf)
     for p, q, r in zip(a, b, c, strict=True):

@@ -149,7 +149,7 @@ def test_an_l_is_cut_into_triangles_that_cover_its_faces():
     vertices, faces = l_shape()
     solid = SolidModel(vertices, faces, np.zeros(8))
     assert not solid.is_convex and len(solid.edges) == 18
-    corners = solid.vertices[solid.triangles]
+    corners = solid.triangles
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert np.einsum("tk,tk->", doubled, corners[:, 0]) / 6 == pytest.approx(3 * 0.05**2 * 0.1)
     for face in range(8):
@@ -171,7 +171,7 @@ def test_vectors_into_the_faces_at_an_edge_lie_in_them():
                     np.cross(b - a, point - a) @ solid.normals[face] > 0
                     for a, b in ((p, q), (q, r), (r, p))
                 )
-                for p, q, r in solid.vertices[solid.triangles[solid.triangle_faces == face]]
+                for p, q, r in solid.triangles[solid.triangle_faces == face]
             ]
             assert any(inside)
 
@@ -378,7 +378,7 @@ def colored_box():
 
     box = paper_box()
     order = np.argsort(box.triangle_faces, kind="stable")
-    corners = box.vertices[box.triangles[order]]
+    corners = box.triangles[order]
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
     return mesh, 255 * np.repeat(np.eye(3, dtype=np.uint8)[[0, 0, 1, 1, 2, 2]], 2, axis=0)
 
