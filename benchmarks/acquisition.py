@@ -111,7 +111,7 @@ def make_tracker(case: Case, seed: int = 0) -> RobustTracker:
     parameters = TrackerParameters(
         refinement=RefinementParameters(), search_range=case.search_range
     )
-    tracker = parameters.make_tracker(solid=SOLIDS[case.solid], rig=case.rig, seed=seed)
+    tracker = parameters.make_tracker(solid=case.solid_model, rig=case.rig, seed=seed)
     assert isinstance(tracker, RobustTracker)  # as poses are refined
     return tracker
 
@@ -128,7 +128,7 @@ def show(
 ) -> Iterator[Frame]:
     """Shows some of a case's poses to a tracker."""
     draw = Renderer(case, renderer)
-    symmetries = find_symmetries(SOLIDS[case.solid])
+    symmetries = find_symmetries(case.solid_model)
     for n in poses:
         rng = np.random.default_rng([seed, n])
         true = case.draw_pose(rng)

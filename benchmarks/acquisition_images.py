@@ -61,6 +61,13 @@ SOLIDS = {
     "hexagonal prism": prism(),
     "wedge": wedge(),
 }
+"""Those of the page."""
+
+MODELS = {
+    f"models/{path.stem}": mff.SolidModel.from_mesh_file(path)
+    for path in sorted((Path(__file__).parents[1] / "models").glob("*.obj"))
+}
+"""Those that come with the package."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +76,7 @@ class Case:
 
     Attributes:
         name: As the page calls it.
-        solid: One of the `SOLIDS`.
+        solid: One of the `SOLIDS` or `MODELS`.
         blobs: Number of blobs in the solid's colors, behind it.
         hidden: Share of the solid's pixels that a bar hides in each image.
         noise: Standard deviation of the pixels' noise [levels].
@@ -90,6 +97,11 @@ class Case:
     partly: bool = False
     search_range: mff.SearchRange = field(default_factory=mff.SearchRange)
     frames: int = 3
+
+    @property
+    def solid_model(self) -> mff.SolidModel:
+        """The solid."""
+        return (SOLIDS | MODELS)[self.solid]
 
     @property
     def stereo(self) -> mff.CameraRig:
@@ -121,7 +133,7 @@ class Case:
 
     def share_in_view(self, camera: mff.Camera, pose: Array) -> float:
         """Share of the silhouette's area within an image, 2 pixels from its borders."""
-        solid = SOLIDS[self.solid]
+        solid = self.solid_model
         corners = (solid.vertices @ rotation_matrix(pose[3:]).T + pose[:3]) - camera.p_CK
         if corners[:, 2].min() < 0.1:
             return 0.0
@@ -145,7 +157,7 @@ class Renderer:
         parser = Parser(plant)
         mff.ConfigureParser(parser)
         with tempfile.TemporaryDirectory() as folder:
-            parser.AddModels(str(write_model(SOLIDS[case.solid], Path(folder))))
+            parser.AddModels(str(write_model(case.solid_model, Path(folder))))
             plant.Finalize()
             mff.AddRenderer(scene_graph, renderer)
             self._stereo = mff.AddStereoCamera(
@@ -169,12 +181,14 @@ class Renderer:
 def write_model(solid: mff.SolidModel, folder: Path) -> Path:
     """Writes an SDF with a mesh of the solid, and returns its path."""
     obj, mtl = ["mtllib solid.mtl"], []
-    obj += [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in solid.vertices]
+    obj += [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in solid.triangles.reshape(-1, 3)]
     obj += [f"vn {x:.9f} {y:.9f} {z:.9f}" for x, y, z in solid.normals]
-    for k, (face, hue) in enumerate(zip(solid.faces, solid.hues, strict=True)):
+    for k, hue in enumerate(solid.hues):
         red, green, blue = colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 1.0, 1.0)
         mtl += [f"newmtl m{k}", f"Kd {red:.6f} {green:.6f} {blue:.6f}", "Ka 0 0 0", "Ks 0 0 0"]
-        obj += [f"usemtl m{k}", "f " + " ".join(f"{v + 1}//{k + 1}" for v in face)]
+        obj.append(f"usemtl m{k}")
+        for t in np.flatnonzero(solid.triangle_faces == k):
+            obj.append("f " + " ".join(f"{3 * t + j}//{k + 1}" for j in (1, 2, 3)))
     (folder / "solid.obj").write_text("\n".join(obj) + "\n")
     (folder / "solid.mtl").write_text("\n".join(mtl) + "\n")
     sdf = folder / "solid.sdf"
@@ -190,7 +204,7 @@ def disturb(images: list[Image], case: Case, seed: list[int], frame: int) -> lis
     rng = np.random.default_rng(seed)
     colors = [
         255.0 * np.array(colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 1.0, 1.0))
-        for hue in SOLIDS[case.solid].hues
+        for hue in case.solid_model.hues
     ]
     shown = [cv2.subtract(*_extremes(image)) > 25 for image in images]
     behind = [np.full_like(image, 128) for image in images]
@@ -244,7 +258,7 @@ def _hide(images: list[Image], shown: list[Image], case: Case, rng: np.random.Ge
     angle = rng.uniform(0.0, 2.0 * math.pi)
     color = np.array(GREY)
     if rng.integers(2):
-        hues = np.unique(SOLIDS[case.solid].hues)
+        hues = np.unique(case.solid_model.hues)
         gaps = np.diff(np.append(hues, hues[0] + 2.0 * math.pi))
         middle = hues[np.argmax(gaps)] + 0.5 * gaps.max()
         color = 200.0 * np.array(colorsys.hsv_to_rgb(middle / (2.0 * math.pi) % 1.0, 0.8, 1.0))
