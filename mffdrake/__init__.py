@@ -45,6 +45,7 @@ _MODULES = {
         "TrackingState"
     ),
     "recognition.calibration": "CalibrationError read_camera",
+    "recognition.mesh_file": "ColoredMesh",
     "recognition.pose": "pose_from_transform transform_from_pose",
     "recognition.pose_motion": "transport_pose",
     "systems.arm": "ArmModel",

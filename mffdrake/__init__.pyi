@@ -90,6 +90,7 @@ from mffdrake.recognition import TrackerParameters as TrackerParameters
 from mffdrake.recognition import TrackingState as TrackingState
 from mffdrake.recognition.calibration import CalibrationError as CalibrationError
 from mffdrake.recognition.calibration import read_camera as read_camera
+from mffdrake.recognition.mesh_file import ColoredMesh as ColoredMesh
 from mffdrake.recognition.pose import pose_from_transform as pose_from_transform
 from mffdrake.recognition.pose import transform_from_pose as transform_from_pose
 from mffdrake.recognition.pose_motion import transport_pose as transport_pose

@@ -22,7 +22,7 @@ from mffdrake.experiment.parts import (
 )
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.servoing import CheckReach, ConnectServo
-from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh, LoadSolid, WarnOutside
+from mffdrake.experiment.target import CalcDesiredPose, LoadSolid, ReadScenarioMesh, WarnOutside
 from mffdrake.experiment.visualization import AddMeshcat
 from mffdrake.recognition import OneStepGaTracker, Tracker
 from mffdrake.systems.feedforward import ConnectFeedforward
@@ -71,7 +71,7 @@ def CheckScenario(scenario: Scenario) -> None:
     SolvePath(arm, scenario)
     CheckReach(scenario, arm)
     MakeController(scenario, arm)
-    WarnOutside(scenario, LoadSolid(FindScenarioMesh(scenario), scenario), MakeRig(scenario))
+    WarnOutside(scenario, LoadSolid(ReadScenarioMesh(scenario)), MakeRig(scenario))
 
 
 def MakeHandEyeDiagram(

@@ -96,7 +96,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Station:
     target.AddPose(builder, scene_graph, scenario, name="target")
     return Station(
         plant=plant, scene_graph=scene_graph, arm=arm, known_arm=known_arm, path=path,
-        target=target, solid=LoadSolid(target.mesh, scenario),
+        target=target, solid=LoadSolid(target.mesh),
     )  # fmt: skip
 
 

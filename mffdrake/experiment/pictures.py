@@ -20,7 +20,7 @@ from mffdrake.experiment.files import WholeFile
 from mffdrake.experiment.outline import DrawViews
 from mffdrake.experiment.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.experiment.target import FindScenarioMesh, LoadSolid
+from mffdrake.experiment.target import LoadSolid, ReadScenarioMesh
 from mffdrake.recognition import Camera
 
 __all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
@@ -58,7 +58,7 @@ def DrawCameraView(
             diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data.copy()
             for name in rig.names
         ]
-    solid = LoadSolid(FindScenarioMesh(scenario), scenario)
+    solid = LoadSolid(ReadScenarioMesh(scenario))
     return DrawViews(images, result.recognized_pose[frame], solid, rig)
 
 

@@ -117,7 +117,7 @@ class TargetConfig:
     """The known object.
 
     Attributes:
-        model: URL or path of its SDF, whose visual is one closed, colored mesh.
+        model: URL or path of its SDF or URDF, whose visuals are together a closed, colored surface.
         X_WM: Its pose in the world, from which it moves.
         motion: How it moves: at_rest, ``!Sinusoids {...}``, ``!Straight {...}``, ``!Step {...}``,
             ``!Waypoints {...}`` or ``!TrajectoryFile {file: poses.tum}``.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses as dc
 import logging
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +18,24 @@ from mffdrake.experiment.cameras import MakeMounts
 from mffdrake.experiment.desired_hand import MakeDesiredHand
 from mffdrake.experiment.scenario import Scenario, ScenarioError
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
+from mffdrake.recognition.mesh_file import ColoredMesh
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
 from mffdrake.systems.clutter.moving_shapes import MovingShapes
 from mffdrake.systems.models import ConfigureParser
+from mffdrake.systems.surfaces import MakeSurface
 from mffdrake.systems.target_motion import AtRest
 
 __all__ = [
     "AddTarget",
     "CalcDesiredPose",
     "CalcWantedPose",
-    "FindScenarioMesh",
     "LoadSolid",
+    "ReadScenarioMesh",
     "Target",
     "WarnOutside",
 ]
+
+_DRAWN_BY_VTK = (".obj", ".gltf")
 
 _log = logging.getLogger("mffdrake")
 
@@ -44,12 +47,12 @@ class Target:
     Attributes:
         source: It is a source of its own there, ...
         frame: ... and this its frame M.
-        mesh: The very mesh that the renderers draw.
+        mesh: What the renderers draw, in that frame.
     """
 
     source: SourceId
     frame: FrameId
-    mesh: Path
+    mesh: ColoredMesh
 
     def AddPose(
         self,
@@ -82,8 +85,8 @@ def AddTarget(scene_graph: SceneGraph, scenario: Scenario) -> Target:
         The target.
 
     Raises:
-        ScenarioError: When the model cannot be loaded, is not one free rigid body, or its visual is
-            not one mesh at its origin, unscaled.
+        ScenarioError: When the model cannot be loaded, is not one free rigid body, or nothing is
+            drawn of it, or what the renderer cannot draw.
     """
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -110,53 +113,69 @@ def AddTarget(scene_graph: SceneGraph, scenario: Scenario) -> Target:
         )
     body = plant.get_body(bodies[0])
     frame = plant.GetBodyFrameIdOrThrow(body.index())
-    return Target(plant.get_source_id(), frame, _FindMesh(scene_graph, frame, body.name(), model))
+    mesh = _ReadMesh(scene_graph, frame, body.name(), scenario)
+    return Target(plant.get_source_id(), frame, mesh)
 
 
-def _FindMesh(scene_graph: SceneGraph, frame: FrameId, body: str, model: str) -> Path:
-    """The file of the very mesh that the renderers draw for a body."""
-    inspector = scene_graph.model_inspector()
-    visuals = inspector.GetGeometries(frame, Role.kPerception)
-    shapes = [inspector.GetShape(geometry) for geometry in visuals]
-    if len(shapes) != 1 or not isinstance(shapes[0], Mesh):
+def _ReadMesh(
+    scene_graph: SceneGraph, frame: FrameId, body: str, scenario: Scenario
+) -> ColoredMesh:
+    """What the renderers draw for a body: all of its visuals as one mesh in its frame."""
+    inspector, model = scene_graph.model_inspector(), scenario.target.model
+    triangles, colors, materials = [np.empty((0, 3, 3))], [np.empty((0, 3))], []
+    for visual in inspector.GetGeometries(frame, Role.kPerception):
+        shape = inspector.GetShape(visual)
+        is_mesh = isinstance(shape, Mesh)
+        if is_mesh and scenario.renderer == "vtk" and shape.extension() not in _DRAWN_BY_VTK:
+            raise ScenarioError(
+                f"target.model {model}: the renderer vtk draws {' and '.join(_DRAWN_BY_VTK)} "
+                f"meshes only, and would leave {shape.source().description()} out; convert it "
+                "to one of these, or take renderer: flat"
+            )
+        try:
+            surface = MakeSurface(shape, inspector.GetPerceptionProperties(visual))
+        except ValueError as error:
+            raise ScenarioError(f"target.model {model}: {error}") from error
+        X_BG = inspector.GetPoseInFrame(visual)
+        vertices = surface.vertices @ X_BG.rotation().matrix().T + X_BG.translation()
+        names, drawn = np.array(surface.materials), surface.colors[:, 3] > 0.0
+        triangles.append(vertices[surface.triangles[drawn]])
+        # No color was chosen where the renderers have to take their own.
+        colors.append(np.where(names[:, None] == "", np.nan, surface.colors[:, :3])[drawn])
+        materials += names[drawn].tolist()
+    if not materials:
         raise ScenarioError(
-            f"target.model {model}: body '{body}' must have exactly one visual, a mesh"
+            f"target.model {model}: body '{body}' has no visual; give it a closed, colored mesh, "
+            "or several visuals that together are one"
         )
-    if not np.allclose(shapes[0].scale3(), 1.0):
-        raise ScenarioError(
-            f"target.model {model}: the mesh must have scale 1, not {shapes[0].scale3()}; scale "
-            "its vertices instead"
-        )
-    if not inspector.GetPoseInFrame(visuals[0]).IsNearlyIdentity(1e-9):
-        raise ScenarioError(f"target.model {model}: the mesh must lie at the body's origin")
-    return Path(shapes[0].source().path())
+    name = f"target.model {model}"
+    return ColoredMesh(name, np.concatenate(triangles), np.concatenate(colors), materials)
 
 
-def FindScenarioMesh(scenario: Scenario) -> Path:
-    """The mesh file of a scenario's target, found without building the rest.
+def ReadScenarioMesh(scenario: Scenario) -> ColoredMesh:
+    """What is drawn of a scenario's target, found without building the rest.
 
     Args:
         scenario: Its ``target`` counts.
 
     Returns:
-        The mesh file.
+        The mesh in the target's frame M.
 
     Raises:
         ScenarioError: See `AddTarget`.
 
     Example:
-        >>> FindScenarioMesh(Scenario()).name
-        'target_box.obj'
+        >>> ReadScenarioMesh(Scenario()).triangles.shape
+        (12, 3, 3)
     """
     return AddTarget(SceneGraph(), scenario).mesh
 
 
-def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
+def LoadSolid(mesh: ColoredMesh) -> SolidModel:
     """The colored solid of the target's mesh.
 
     Args:
-        mesh: The mesh file.
-        scenario: The scenario, whose target's name messages mention.
+        mesh: The mesh.
 
     Returns:
         The solid, in the target's frame M.
@@ -165,9 +184,9 @@ def LoadSolid(mesh: Path, scenario: Scenario) -> SolidModel:
         ScenarioError: When the mesh is no closed solid with a hue on every face.
     """
     try:
-        return SolidModel.from_mesh_file(mesh)
+        return SolidModel.from_mesh(mesh)
     except ValueError as error:
-        raise ScenarioError(f"target.model {scenario.target.model}: {error}") from error
+        raise ScenarioError(str(error)) from error
 
 
 def CalcDesiredPose(scenario: Scenario, time: float) -> NDArray[np.float64]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     Cylinder,
-    Mesh,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
@@ -21,6 +21,7 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
 from mffdrake.experiment.files import WholeFile
+from mffdrake.recognition.mesh_file import ColoredMesh
 
 __all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveReplay"]
 
@@ -47,7 +48,7 @@ class PoseEstimateVisualizer(LeafSystem):
     Args:
         meshcat: Where to show it, below the path "estimate".
         plant: The plant with the camera.
-        mesh: The target's mesh file.
+        mesh: The target's mesh.
         camera_frame: The camera's frame C in the plant, or its name.
     """
 
@@ -56,7 +57,7 @@ class PoseEstimateVisualizer(LeafSystem):
         *,
         meshcat: Meshcat,
         plant: MultibodyPlant,
-        mesh: Path,
+        mesh: ColoredMesh,
         camera_frame: Frame | str = "camera_right",
     ) -> None:
         super().__init__()
@@ -68,7 +69,13 @@ class PoseEstimateVisualizer(LeafSystem):
         self._kinematics = plant.CreateDefaultContext()  # Scratch space, written before every use.
         self._estimate = self.DeclareAbstractInputPort("X_CM", AbstractValue.Make(RigidTransform()))
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        meshcat.SetObject("estimate/ghost", Mesh(str(mesh), _GHOST_SCALE))
+        corners = mesh.triangles.reshape(-1, 3).T
+        meshcat.SetTriangleColorMesh(
+            "estimate/ghost",
+            vertices=_GHOST_SCALE * corners,
+            faces=np.arange(corners.shape[1]).reshape(-1, 3).T,
+            colors=np.repeat(mesh.colors, 3, axis=0).T,
+        )
         meshcat.SetProperty("estimate/ghost", "modulated_opacity", _GHOST_OPACITY)
         _DrawFrame(meshcat, "estimate/frame")
         self.DeclarePeriodicPublishEvent(_PUBLISH_PERIOD, 0.0, self._Publish)
@@ -100,7 +107,7 @@ def AddMeshcat(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     estimate: OutputPort,
-    mesh: Path,
+    mesh: ColoredMesh,
     camera_frame: Frame | str = "camera_right",
 ) -> None:
     """Adds the scene and the estimated pose to Meshcat.
@@ -111,7 +118,7 @@ def AddMeshcat(
         plant: The plant with the camera's frame.
         scene_graph: The scene.
         estimate: The estimated pose's port, a RigidTransform X_CM.
-        mesh: The target's mesh file.
+        mesh: The target's mesh.
         camera_frame: See `PoseEstimateVisualizer`.
     """
     params = MeshcatVisualizerParams(publish_period=_PUBLISH_PERIOD)

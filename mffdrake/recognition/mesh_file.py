@@ -27,13 +27,13 @@ class ColoredMesh:
     part that a triangle shows.
 
     Attributes:
-        path: The file.
+        name: What it is called in messages, e.g. the file's path.
         triangles: Corner points [m], shape (T, 3, 3).
-        colors: Red, green and blue from 0 to 1, shape (T, 3).
+        colors: Red, green and blue from 0 to 1, shape (T, 3); NaN where there is none.
         materials: Name of each one's material.
     """
 
-    path: Path
+    name: str
     triangles: Array
     colors: Array
     materials: Sequence[str]
@@ -42,12 +42,14 @@ class ColoredMesh:
     def read(cls, path: Path | str) -> ColoredMesh:
         """Reads a mesh file, all its parts as one.
 
+        The y axis of glTF files, which points upward there, becomes z, as in Drake.
+
         Args:
             path: An OBJ (with MTL), GLB, GLTF, PLY or STL file.
 
         Raises:
             FileNotFoundError: When there is no such file.
-            ValueError: When it cannot be read, or has no faces or no colors.
+            ValueError: When it cannot be read, or has no faces.
         """
         import trimesh  # Slow to import, and needed here alone.
 
@@ -68,39 +70,85 @@ class ColoredMesh:
         triangles, colors, materials = [], [], []
         for part, X in parts:
             if isinstance(part, trimesh.Trimesh) and len(part.faces):
-                own, names = _colors(part, path)
+                own, names = _colors(part)
                 corners = np.asarray(part.vertices, dtype=float)[np.asarray(part.faces)]
                 triangles.append(corners @ X[:3, :3].T + X[:3, 3])
                 colors.append(own)
                 materials += names
         if not triangles:
             raise ValueError(f"{path}: the file has no faces")
-        return cls(path, np.concatenate(triangles), np.concatenate(colors), materials)
+        points = np.concatenate(triangles)
+        if path.suffix.lower() in (".glb", ".gltf"):
+            points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
+        return cls(str(path), points, np.concatenate(colors), materials)
 
     @property
     def hues(self) -> Array:
         """Hue of every triangle [rad], shape (T,).
 
         Raises:
-            ValueError: When one is grey.
+            ValueError: When one has no color, or is grey.
         """
+        bare = np.isnan(self.colors[:, 0])
+        if bare.any():
+            k = int(np.argmax(bare))
+            where = (
+                "the mesh has no colors" if bare.all() else f"face {k}{self._at(k)} has no color"
+            )
+            raise ValueError(
+                f"{self.name}: {where}; every face of the target needs one: give it materials (OBJ "
+                "with MTL, GLB), or colors of its faces or corners (PLY)"
+            )
         distinct, place = np.unique(self.colors.round(6), axis=0, return_inverse=True)
         hues = np.empty(len(distinct))
         for k, color in enumerate(distinct):
             hue, saturation, _ = colorsys.rgb_to_hsv(*color)
             if saturation < _GREYEST:
                 j = int(np.argmax(place.reshape(-1) == k))
-                x, y, z = self.triangles[j].mean(axis=0) + 0.0
                 raise ValueError(
-                    f"{self.path}: face {j} at ({x:.4g}, {y:.4g}, {z:.4g}) m, of material "
-                    f"'{self.materials[j]}', has the grey color {color.round(2).tolist()}, which "
-                    "has no hue; every face of the target needs a saturated color"
+                    f"{self.name}: face {j}{self._at(j)}, of material '{self.materials[j]}', has "
+                    f"the grey color {color.round(2).tolist()}, which has no hue; every face of "
+                    "the target needs a saturated color"
                 )
             hues[k] = 2.0 * math.pi * hue
         return hues[place.reshape(-1)]
 
+    def as_obj(self, materials_file: str) -> tuple[str, str]:
+        """The texts of an OBJ file with all that this mesh has, and of its MTL file.
 
-def _colors(part: Any, path: Path) -> tuple[Array, list[str]]:
+        Args:
+            materials_file: Name of the MTL file.
+        """
+        vertices, index = np.unique(self.triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        lines = [f"mtllib {materials_file}"]
+        for letters, rows in (("v", vertices), ("vn", normals)):
+            lines += [f"{letters} {x!r} {y!r} {z!r}" for x, y, z in rows.tolist()]
+        colors: dict[str, list[float]] = {}
+        faces: dict[str, list[str]] = {}
+        for k, (corners, color) in enumerate(
+            zip(index.reshape(-1, 3).tolist(), self.colors.tolist(), strict=True)
+        ):
+            name = "_".join(self.materials[k].split())  # in an OBJ file, one word
+            if colors.setdefault(name, color) != color:
+                name = f"{name}_{color_name(self.colors[k])}"
+                colors[name] = color
+            face = "f " + " ".join(f"{v + 1}//{k + 1}" for v in corners)
+            faces.setdefault(name, []).append(face)
+        for name in reversed(faces):  # `read` gets the last material first.
+            lines += [f"usemtl {name}", *faces[name]]
+        dull = "newmtl {}\nKa 0 0 0\nKd {!r} {!r} {!r}\nKs 0 0 0\nd 1\nillum 1\n"
+        materials = [dull.format(name, *color) for name, color in colors.items()]
+        return "\n".join(lines) + "\n", "\n".join(materials)
+
+    def _at(self, triangle: int) -> str:
+        """Where a triangle is, in a message."""
+        return " at ({:.4g}, {:.4g}, {:.4g}) m".format(*(self.triangles[triangle].mean(axis=0) + 0))
+
+
+def _colors(part: Any) -> tuple[Array, list[str]]:
     """Color and name of every triangle of a part."""
     visual, count = part.visual, len(part.faces)
     if visual.kind == "face" or visual.kind == "vertex":
@@ -110,25 +158,29 @@ def _colors(part: Any, path: Path) -> tuple[Array, list[str]]:
             corners = np.asarray(visual.vertex_colors, dtype=float)[:, :3]
             colors = corners[np.asarray(part.faces)].mean(axis=1)
         colors = colors / 255.0
-        return colors, [_name(color) for color in colors]
+        return colors, [color_name(color) for color in colors]
     material = getattr(visual, "material", None)
     if material is None:
-        raise ValueError(
-            f"{path}: the mesh has no colors; every face of the target needs one: give it "
-            "materials (OBJ with MTL, GLB), or colors of its faces or corners (PLY)"
-        )
+        return np.full((count, 3), np.nan), count * [""]
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is not None and getattr(visual, "uv", None) is not None:
         colors = _texture_means(image, np.asarray(visual.uv)[np.asarray(part.faces)])
-        return colors, [_name(color) for color in colors]
-    color = np.asarray(material.main_color, dtype=float)[:3] / 255.0
-    name = str(getattr(material, "name", None) or _name(color))
-    return np.tile(color, (count, 1)), [name] * count
+        return colors, [color_name(color) for color in colors]
+    color = _material_color(material)
+    return np.tile(color, (count, 1)), [str(material.name or color_name(color))] * count
 
 
-def _name(color: Array) -> str:
-    """A name for a color that has none."""
-    red, green, blue = np.rint(255 * color).astype(int).tolist()
+def _material_color(material: Any) -> Array:
+    """Color of a material: Kd of an MTL file, black without it; or glTF's base color, or white."""
+    if hasattr(material, "baseColorFactor"):
+        factor = material.baseColorFactor
+        return np.ones(3) if factor is None else np.asarray(factor, dtype=float)[:3] / 255.0
+    return np.array(material.kwargs.get("kd", (0.0, 0.0, 0.0)), dtype=float)
+
+
+def color_name(color: Array) -> str:
+    """A name for a color, of red, green and blue from 0 to 1, that has none."""
+    red, green, blue = np.rint(255 * color[:3]).astype(int).tolist()
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 

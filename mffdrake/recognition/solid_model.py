@@ -11,11 +11,15 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition import _surface
+
+if TYPE_CHECKING:
+    from mffdrake.recognition.mesh_file import ColoredMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -150,11 +154,23 @@ class SolidModel:
         """
         from mffdrake.recognition.mesh_file import ColoredMesh
 
-        mesh = ColoredMesh.read(path)
+        return cls.from_mesh(ColoredMesh.read(path))
+
+    @classmethod
+    def from_mesh(cls, mesh: ColoredMesh) -> SolidModel:
+        """The solid that a closed mesh encloses.
+
+        Args:
+            mesh: The mesh, each triangle of one color.
+
+        Raises:
+            ValueError: See `from_mesh_file`.
+        """
+        hues = mesh.hues
         try:
-            return cls.from_triangles(mesh.triangles, mesh.hues, mesh.materials)
+            return cls.from_triangles(mesh.triangles, hues, mesh.materials)
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+            raise ValueError(f"{mesh.name}: {error}") from error
 
     @classmethod
     def from_triangles(

@@ -29,7 +29,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
 
 from mffdrake.systems import _rasterizer
 from mffdrake.systems._rasterizer import Lens, Rectangle, Surfaces
-from mffdrake.systems._surfaces import MakeSurface, Surface
+from mffdrake.systems.surfaces import MakeSurface, Surface
 
 __all__ = ["AddFlatRenderer", "FlatRenderEngine", "MakeFlatRenderEngine"]
 
@@ -42,11 +42,12 @@ class FlatRenderEngine(RenderEngine):
     """Draws colored triangles with a depth buffer: without light, shadows or anti-aliasing.
 
     Each face has its material's diffuse color all over, and the background is grey. It draws boxes,
-    capsules, convex hulls, cylinders, ellipsoids, half spaces, spheres, and meshes from OBJ files
-    with the colors of their MTL files. Colors come from where Drake's renderers take them: a mesh's
-    own material, else the property ("phong", "diffuse"), else Drake's default. Unlike VTK it draws
-    no textures (they are an error), and what is translucent is opaque; but as in VTK, what has an
-    alpha of 0 is left out of the color image alone.
+    capsules, convex hulls, cylinders, ellipsoids, half spaces, spheres, and the meshes that the
+    recognizer takes (see `ColoredMesh`). Colors come from where Drake's renderers take them: a
+    mesh's own materials, else the property ("phong", "diffuse"), else Drake's default. Unlike in
+    VTK, a mesh's texture gives each triangle its mean color (other textures are an error), and what
+    is translucent is opaque; but as in VTK, what has an alpha of 0 is left out of the color image
+    alone.
 
     The state is the geometries, their poses and the viewpoint; equal states give equal bits.
 

@@ -76,7 +76,7 @@ def AddRenderer(scene_graph: SceneGraph, name: str = "vtk") -> str:
         The renderer's name in the scene.
 
     Raises:
-        ValueError: When there is no renderer of that name.
+        ValueError: When there is no renderer of that name, or a mesh lacks what it needs.
         GraphicsUnavailableError: When this machine lacks what the renderer needs; the message has
             the command that helps. (Without this check a missing driver is a segmentation fault.)
 
@@ -90,6 +90,14 @@ def AddRenderer(scene_graph: SceneGraph, name: str = "vtk") -> str:
         # pydrake hands a shape to a renderer in Python only if Python holds that shape already.
         inspector = scene_graph.model_inspector()
         shapes = [inspector.GetShape(geometry) for geometry in inspector.GetAllGeometryIds()]
-        scene_graph.AddRenderer(name, RENDERERS[name]())
+        try:
+            scene_graph.AddRenderer(name, RENDERERS[name]())
+        except RuntimeError as error:
+            if "has no normals" not in str(error):
+                raise
+            raise ValueError(
+                f"{error}; VTK needs them: export the mesh with normals, or take the "
+                "renderer 'flat'"
+            ) from error
         del shapes
     return name

@@ -359,25 +359,45 @@ def test_a_target_may_be_named_by_its_url_or_its_path():
     assert faces[0] == faces[1]
 
 
+def visual(name, hue, geometry, pose="0 0 0 0 0 0"):
+    color = " ".join(str(c) for c in colorsys.hsv_to_rgb(hue / 360.0, 1.0, 1.0))
+    return (
+        f"<visual name='{name}'><pose>{pose}</pose>{geometry}"
+        f"<material><diffuse>{color} 1</diffuse></material></visual>"
+    )
+
+
+def test_a_target_may_be_made_of_several_visuals(tmp_path):
+    """A solid at half its size, and a cylinder beside it, each of one color."""
+    write_solid(tmp_path, BOX)
+    text = (tmp_path / "target.obj").read_text()
+    (tmp_path / "bare.obj").write_text(re.sub("(mtllib|usemtl) .*", "", text))
+    half = mesh("bare.obj").replace("</uri>", "</uri><scale>.5 .5 .5</scale>")
+    rod = "<geometry><cylinder><radius>.02</radius><length>.1</length></cylinder></geometry>"
+    parts = visual("a", 60, half) + visual("b", 180, rod, "0 .2 0 0 0 0")
+    sdf = write_solid(tmp_path, BOX, visual=parts)
+    diagram = MakeHandEyeDiagram(Change(load(), {"target.model": str(sdf), "renderer": "flat"}))
+    solid = diagram.GetSubsystemByName("recognizer").tracker.matcher.solid
+    np.testing.assert_allclose(np.degrees(solid.hues[[0, -1]]), [60, 180])
+    of = solid.material_numbers[solid.triangle_faces]
+    small, beside = (solid.triangles[of == k].reshape(-1, 3) for k in (0, 1))
+    corners = np.concatenate([face for _, face in BOX])
+    np.testing.assert_allclose(np.ptp(small, axis=0), 0.5 * np.ptp(corners, axis=0), atol=1e-6)
+    np.testing.assert_allclose(beside.min(axis=0)[1:], [0.18, -0.05], atol=1e-4)
+    np.testing.assert_allclose(beside.max(axis=0)[1:], [0.22, 0.05], atol=1e-4)
+
+
 UNUSABLE = {
     "two bodies": ("2 bodies", {"model": "<link name='other'/>"}),
-    "no visual": ("exactly one visual", {"visual": "<pose>0 0 0 0 0 0</pose>"}),
-    "two visuals": ("exactly one visual", {"visual": VISUAL + VISUAL.replace("'v'", "'w'")}),
-    "no mesh": (
-        "a mesh",
+    "no visual": ("no visual", {"visual": "<pose>0 0 0 0 0 0</pose>"}),
+    "twice the same": ("4 faces", {"visual": VISUAL + VISUAL.replace("'v'", "'w'")}),
+    "no color": (
+        "no colors",
         {
             "visual": VISUAL.replace(
                 mesh("target.obj"), "<geometry><box><size>.1 .1 .1</size></box></geometry>"
             )
         },
-    ),
-    "mesh beside the origin": (
-        "origin",
-        {"visual": VISUAL.replace("'v'>", "'v'><pose>0.1 0 0 0 0 0</pose>")},
-    ),
-    "scaled mesh": (
-        "scale",
-        {"visual": VISUAL.replace("</uri>", "</uri><scale>.5 .5 .5</scale>")},
     ),
     "missing mesh": ("missing.obj", {"visual": VISUAL.replace("target.obj", "missing.obj")}),
     "grey face": ("grey", {"faces": [(None, BOX[0][1]), *BOX[1:]]}),
@@ -399,12 +419,12 @@ def test_an_unusable_target_is_a_scenario_error_that_names_it(tmp_path, unusable
     [
         ("target.mtl", None, "material"),
         ("target.obj", "# nothing\n", "target.obj"),
-        ("target.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "target.obj"),
+        ("target.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no colors"),
         ("target.sdf", "", "cannot be loaded"),
         ("target.sdf", "no XML", "cannot be loaded"),
         ("target.sdf", "<sdf version='1.9'><model name='m'/></sdf>", "at least one link"),
     ],
-    ids=["no materials", "empty mesh", "no normals", "empty", "text", "no body"],
+    ids=["no materials", "empty mesh", "bare triangle", "empty", "text", "no body"],
 )
 def test_a_target_with_a_broken_file_is_a_scenario_error_that_names_it(
     tmp_path, file, content, reason
@@ -415,6 +435,19 @@ def test_a_target_with_a_broken_file_is_a_scenario_error_that_names_it(
     else:
         (tmp_path / file).write_text(content)
     check_unusable(sdf, reason)
+
+
+def test_what_vtk_cannot_draw_is_told_with_the_remedy(tmp_path):
+    sdf = write_solid(tmp_path, BOX)
+    text = (tmp_path / "target.obj").read_text()
+    (tmp_path / "target.obj").write_text(re.sub("//[0-9]+", "", re.sub("vn .*", "", text)))
+    check_unusable(sdf, "no normals.*export the mesh with normals, or take the renderer 'flat'")
+    MakeHandEyeDiagram(Change(load(), {"target.model": str(sdf), "renderer": "flat"}))
+    sdf = write_solid(tmp_path, BOX, visual=VISUAL.replace("target.obj", "target.stl"))
+    (tmp_path / "target.stl").write_text("")
+    check_unusable(
+        sdf, "vtk draws .obj and .gltf meshes only.*convert it .* or take renderer: flat"
+    )
 
 
 @pytest.mark.parametrize(

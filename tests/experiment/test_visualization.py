@@ -18,9 +18,11 @@ from mffdrake.experiment.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.scenario import LoadScenario
 from mffdrake.experiment.simulation import Simulate
 from mffdrake.experiment.visualization import PoseEstimateVisualizer, SaveReplay
+from mffdrake.recognition.mesh_file import ColoredMesh
 from mffdrake.systems.models import FindModelsPath
 from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
 
+BOX = ColoredMesh.read(FindModelsPath() / "target_box.obj")
 X_CM = RigidTransform(RollPitchYaw(0.1, -0.2, 0.3), [0.02, 0.15, 0.8])
 STATE = np.append(NOMINAL_POSITIONS + 0.1, 0.2 * np.ones(7))
 
@@ -52,9 +54,7 @@ def meshcat():
 @pytest.fixture
 def visualizer(meshcat):
     meshcat.Delete()
-    return PoseEstimateVisualizer(
-        meshcat=meshcat, plant=MakePa10Plant(), mesh=FindModelsPath() / "target_box.obj"
-    )
+    return PoseEstimateVisualizer(meshcat=meshcat, plant=MakePa10Plant(), mesh=BOX)
 
 
 def test_its_ports_are_those_of_its_docs(visualizer):
@@ -68,9 +68,10 @@ def test_its_ports_are_those_of_its_docs(visualizer):
 
 
 def test_it_draws_a_ghost_of_the_target_and_three_axes(meshcat, visualizer):
-    mesh = meshcat._GetPackedObject("estimate/ghost")
-    assert (FindModelsPath() / "target_box.obj").read_bytes() in mesh
-    assert b"newmtl red" in mesh
+    corners = BOX.triangles.reshape(-1, 3)
+    ghost = meshcat._GetPackedObject("estimate/ghost")
+    assert BOX.colors.repeat(3, axis=0).astype("<f4").tobytes() in ghost
+    assert (1.02 * corners).astype("<f4").tobytes() in ghost  # a little larger
     opacity = meshcat._GetPackedProperty("estimate/ghost", "modulated_opacity")
     assert 0.2 < np.frombuffer(opacity[-8:], ">f8")[0] < 0.8
     for k, axis in enumerate("xyz"):
@@ -117,7 +118,7 @@ def test_an_unknown_camera_frame_is_an_error(meshcat):
         PoseEstimateVisualizer(
             meshcat=meshcat,
             plant=MakePa10Plant(),
-            mesh=FindModelsPath() / "target_box.obj",
+            mesh=BOX,
             camera_frame="camera_middle",
         )
 

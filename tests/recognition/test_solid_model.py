@@ -17,6 +17,7 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
+from mffdrake.recognition.mesh_file import ColoredMesh
 
 TARGET_BOX = Path(__file__).parents[2] / "models" / "target_box.obj"
 SOLIDS = {"box": paper_box(), "prism": hexagonal_prism(), "tetrahedron": tetrahedron()}
@@ -383,11 +384,20 @@ def colored_box():
     return mesh, 255 * np.repeat(np.eye(3, dtype=np.uint8)[[0, 0, 1, 1, 2, 2]], 2, axis=0)
 
 
+def export(mesh, path):
+    """Writes a mesh; in a glTF file y is upward, which is z everywhere else."""
+    mesh = mesh.copy()
+    if path.suffix == ".glb":
+        x, y, z = mesh.vertices.T
+        mesh.vertices = np.column_stack([x, z, -y])
+    mesh.export(path)
+
+
 @pytest.mark.parametrize("suffix", ["ply", "glb"])
 def test_colors_may_be_those_of_corners(suffix, tmp_path):
     mesh, colors = colored_box()
     mesh.visual.vertex_colors = np.repeat(colors, 3, axis=0)
-    mesh.export(tmp_path / f"box.{suffix}")
+    export(mesh, tmp_path / f"box.{suffix}")
     assert as_sets(SolidModel.from_mesh_file(tmp_path / f"box.{suffix}")) == as_sets(paper_box())
 
 
@@ -411,7 +421,7 @@ def test_colors_may_be_the_means_of_a_texture(suffix, tmp_path):
     mesh.visual = trimesh.visual.TextureVisuals(
         uv=uv.reshape(-1, 2), image=Image.fromarray(stripes)
     )
-    mesh.export(tmp_path / f"box.{suffix}")
+    export(mesh, tmp_path / f"box.{suffix}")
     assert as_sets(SolidModel.from_mesh_file(tmp_path / f"box.{suffix}")) == as_sets(paper_box())
 
 
@@ -586,3 +596,26 @@ def test_strip_offsets_are_passed_on():
 def test_lengths_must_be_positive(name, value):
     with pytest.raises(ValueError, match=name):
         SamplingParameters(**{name: value})
+
+
+def test_a_mesh_as_an_obj_file_is_the_same(tmp_path):
+    for name in ("mug", "hammer", "target_box"):
+        mesh = ColoredMesh.read(TARGET_BOX.with_name(f"{name}.obj"))
+        for file, text in zip(("it.obj", "it.mtl"), mesh.as_obj("it.mtl"), strict=True):
+            (tmp_path / file).write_text(text)
+        again = ColoredMesh.read(tmp_path / "it.obj")
+        np.testing.assert_array_equal(again.triangles, mesh.triangles)
+        np.testing.assert_array_equal(again.colors, mesh.colors)
+        assert list(again.materials) == list(mesh.materials)
+
+
+def test_materials_of_an_obj_file_are_words_of_one_color_each(tmp_path):
+    mesh, _ = colored_box()
+    colors = np.repeat(np.eye(3), 4, axis=0)
+    names = 8 * ["some paint"] + 4 * ["blue"]
+    text, materials = ColoredMesh("box", np.asarray(mesh.triangles), colors, names).as_obj("it.mtl")
+    (tmp_path / "it.obj").write_text(text)
+    (tmp_path / "it.mtl").write_text(materials)
+    again = ColoredMesh.read(tmp_path / "it.obj")
+    np.testing.assert_array_equal(again.colors, colors)
+    assert list(dict.fromkeys(again.materials)) == ["some_paint", "some_paint_#00ff00", "blue"]

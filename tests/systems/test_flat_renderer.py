@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -568,27 +569,63 @@ def test_a_renderer_is_added_once_to_a_name():
 def test_a_shape_that_cannot_be_drawn_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"cannot draw MeshcatCone\(.*; it draws Box, .*Sphere"):
         AddFlatRenderer(scene_with(MeshcatCone(0.1, 0.2, 0.3)))
-    with pytest.raises(ValueError, match=r"OBJ files only, not .*arm\.stl"):
-        AddFlatRenderer(scene_with(Mesh(str(tmp_path / "arm.stl"))))
-    with pytest.raises(ValueError, match=r"cannot read the mesh .*none\.obj"):
+    (tmp_path / "arm.dae").write_text("", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"arm\.dae: meshes are \.obj, .* files; convert"):
+        AddFlatRenderer(scene_with(Mesh(str(tmp_path / "arm.dae"))))
+    with pytest.raises(ValueError, match=r"no mesh file .*none\.obj"):
         AddFlatRenderer(scene_with(Mesh(str(tmp_path / "none.obj"))))
-    for content, message in (("v 0 0 0\nf 1 2 9\n", "read"), ("nonsense\n", "draw")):
+    for content, message in (
+        ("v 0 0 0\nf 1 2 9\n", "no mesh file that"),
+        ("nonsense\n", "no faces"),
+    ):
         (tmp_path / "bad.obj").write_text(content, encoding="utf-8")
-        with pytest.raises(ValueError, match=rf"cannot {message} the mesh .*bad\.obj"):
+        with pytest.raises(ValueError, match=rf"bad\.obj: .*{message}"):
             AddFlatRenderer(scene_with(Mesh(str(tmp_path / "bad.obj"))))
 
 
-def test_a_texture_is_an_error(tmp_path):
+@pytest.mark.parametrize("suffix", ["ply", "glb", "stl"])
+def test_other_meshes_are_drawn_as_the_same_obj(tmp_path, suffix):
+    triangles = [(0, 3, 2), (0, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+    pose = RigidTransform(RollPitchYaw(2.8, 0.3, 0.4), [0.0, 0.0, 0.8])
+    colors = [RED, RED, GREEN, BLUE, GREEN, BLUE] if suffix != "stl" else 6 * [GREEN]
+    file = trimesh.Trimesh(SQUARE, triangles, process=False)
+    if suffix == "glb":  # where y is upward
+        file.vertices = SQUARE[:, [0, 2, 1]] * [1, 1, -1]
+        file.unmerge_vertices()
+        file.visual.vertex_colors = np.repeat(colors, 3, axis=0)
+    elif suffix == "ply":
+        file.visual.face_colors = colors
+    file.export(tmp_path / f"pyramid.{suffix}")
+    names = {RED: "red", GREEN: "green", BLUE: "blue"}
+    paint = "newmtl red\nKd 1 0 0\nnewmtl green\nKd 0 1 0\nnewmtl blue\nKd 0 0 1\n"
+    same = write_obj(tmp_path / "same.obj", SQUARE, triangles, paint, [names[c] for c in colors])
+    wanted = draw((same, pose))
+    images = draw((Mesh(str(tmp_path / f"pyramid.{suffix}")), pose, (0, 1, 0, 1)))
+    np.testing.assert_array_equal(images.color, wanted.color)
+    np.testing.assert_allclose(images.depth, wanted.depth, rtol=1e-6)
+
+
+def test_a_meshs_texture_gives_each_triangle_its_mean_color(tmp_path):
+    stripes = np.zeros((2, 4, 3), dtype=np.uint8)
+    stripes[:, :2], stripes[:, 2:] = RED[::-1], BLUE[::-1]  # OpenCV: blue, green, red
+    cv2.imwrite(str(tmp_path / "stripes.png"), stripes)
+    (tmp_path / "two.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd stripes.png\n")
+    lines = ["mtllib two.mtl", *("v {} {} {}".format(*p) for p in SQUARE), "vn 0 0 -1"]
+    lines += ["vt .1 .5", "vt .2 .5", "vt .2 .6", "vt .8 .5", "vt .9 .5", "vt .9 .6", "usemtl m"]
+    lines += ["f 1/1/1 4/2/1 3/3/1", "f 1/4/1 3/5/1 2/6/1"]
+    (tmp_path / "two.obj").write_text("\n".join(lines) + "\n")
+    images = draw((Mesh(str(tmp_path / "two.obj")), RigidTransform([0.0, 0.0, 1.0])))
+    colors = {tuple(c) for c in images.color[images.label == 1][:, :3].tolist()}
+    assert colors == {RED, BLUE}
+
+
+def test_other_textures_are_an_error(tmp_path):
     cv2.imwrite(str(tmp_path / "wood.png"), np.zeros((2, 2, 3), dtype=np.uint8))
     textured = material((1, 0, 0, 1))
     textured.AddProperty("phong", "diffuse_map", str(tmp_path / "wood.png"))
-    with pytest.raises(ValueError, match=r"no textures, but Box\(.*wood\.png"):
+    with pytest.raises(ValueError, match=r"Box\(.* has the texture .*wood\.png"):
         AddFlatRenderer(scene_with(Box(1.0, 1.0, 1.0), textured))
-    wooden = "newmtl wood\nKd 1 1 1\nmap_Kd wood.png\n"
-    mesh = write_obj(tmp_path / "table.obj", SQUARE, [(0, 3, 2, 1)], wooden, ["wood"])
-    with pytest.raises(ValueError, match=r"no textures, but the mesh .*table\.obj"):
-        AddFlatRenderer(scene_with(mesh))
     plain = write_obj(tmp_path / "wood.obj", SQUARE, [(0, 3, 2, 1)])
-    with pytest.raises(ValueError, match=r"no textures, but the mesh .*wood\.obj"):
+    with pytest.raises(ValueError, match=r"the mesh .*wood\.obj has the texture .*wood\.png"):
         AddFlatRenderer(scene_with(plain, material()))
     AddFlatRenderer(scene_with(plain))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from mffdrake.experiment.recordings.rig_file import DumpRig
 from mffdrake.experiment.recordings.trajectory import SaveTrajectory, Trajectory
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.experiment.simulation import Simulate, SimulationResult
-from mffdrake.experiment.target import CalcDesiredPose, FindScenarioMesh
+from mffdrake.experiment.target import CalcDesiredPose, ReadScenarioMesh
 from mffdrake.experiment.yaml_text import DumpYaml
 from mffdrake.recognition.parameters import plain
 from mffdrake.recognition.pose import pose_from_transform, transform_from_pose
@@ -46,7 +45,7 @@ def Record(
     - ``true_poses.tum`` and ``live_poses.tum``: the target's true pose in the rig's frame, and the
       one that was recognized while recording;
     - ``start.tum``: the pose that a start near the target is drawn around;
-    - ``target.obj`` or the like: the target's mesh with its materials;
+    - ``target.obj`` and ``target.mtl``: the target's mesh with its colors;
     - ``scenario.yaml``, and of it ``recognizer.yaml``, for `track`.
 
     Args:
@@ -62,7 +61,10 @@ def Record(
         OSError: When the files cannot be written.
     """
     # First, as it may fail, and the simulation may take long.
-    _CopyMesh(FindScenarioMesh(scenario), folder)
+    mesh, materials = ReadScenarioMesh(scenario).as_obj("target.mtl")
+    for name, text in (("target.mtl", materials), ("target.obj", mesh)):
+        with WholeFile(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
     diagram = MakeHandEyeDiagram(scenario)
     rig = diagram.GetSubsystemByName("recognizer").tracker.rig
     for name in rig.names:
@@ -108,7 +110,7 @@ def TrackCommand(scenario: Scenario, folder: Path) -> str:
         mffdrake track --rig rec/rig.yaml --target rec/target.obj
     """
     words = ["mffdrake", "track", "--rig", f"{folder}/rig.yaml", "--target"]
-    words += [f"{folder}/target{FindScenarioMesh(scenario).suffix}", "--images"]
+    words += [f"{folder}/target.obj", "--images"]
     words += [f"{name}={folder}/images/{name}" for name in MakeRig(scenario).names]
     if scenario.method == "mff":
         words += ["--motion", f"{folder}/motion.tum"]
@@ -146,15 +148,3 @@ def _Motion(
         for X_DC in displacements[1:]:
             poses.append(poses[-1] @ X_DC.inverse())
     return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in poses])
-
-
-def _CopyMesh(mesh: Path, folder: Path) -> None:
-    """Copies a mesh as ``target``, with the material files that an OBJ names."""
-    copy = folder / f"target{mesh.suffix}"
-    shutil.copyfile(mesh, copy)
-    if mesh.suffix.lower() == ".obj":
-        for line in mesh.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("mtllib "):
-                for name in line.split()[1:]:
-                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(mesh.parent / name, folder / name)

@@ -65,7 +65,7 @@ def test_a_recording_holds_what_is_promised(recording):
     names = {p.name for p in rec.iterdir()} - {"tracked"}
     assert names == {
         "images", "rig.yaml", "motion.tum", "true_poses.tum", "live_poses.tum", "start.tum",
-        "target.obj", "target_box.mtl", "scenario.yaml", "recognizer.yaml",
+        "target.obj", "target.mtl", "scenario.yaml", "recognizer.yaml",
     }  # fmt: skip
     for side in ("right", "left"):
         images = sorted((rec / "images" / side).iterdir())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from pydrake.geometry import (
     Sphere,
 )
 
+from mffdrake.recognition.mesh_file import ColoredMesh, color_name
+
 __all__ = ["MakeSurface", "Surface"]
 
 Array = NDArray[np.float64]
@@ -32,6 +35,10 @@ Triangles = tuple[Array, IntArray]
 _DEFAULT_COLOR = Rgba(0.9, 0.45, 0.1, 1.0)  # as Drake's renderers have it
 _HALF_SPACE_SIZE = 100.0  # m, as Drake's renderers draw it
 _NUM_CHORDS = 50  # around a circle, and from pole to pole, as in VTK: 0.2 % off at most
+_NO_TEXTURES = (
+    "{} has the texture {}, but only that of a mesh file's own material is known, and as the mean "
+    "colors of its triangles; give the shape a color, or the mesh a material"
+)
 _MOST_TESTS = 1_000_000  # of a vertex against a triangle's plane, to find out if a mesh is convex
 
 
@@ -43,12 +50,15 @@ class Surface:
         vertices: In the geometry's frame G [m], shape (V, 3).
         triangles: Indices of three vertices, counterclockwise seen from outside, shape (T, 3).
         colors: Red, green, blue and alpha of each triangle, 0 to 1, shape (T, 4).
+        materials: Name of each triangle's material, or of its color; empty where nothing gives it
+            one, so that it has Drake's default.
         closed: Whether no back face is ever seen from outside.
     """
 
     vertices: Array
     triangles: IntArray
     colors: Array
+    materials: Sequence[str]
     closed: bool
 
 
@@ -56,7 +66,8 @@ def MakeSurface(shape: Shape, properties: PerceptionProperties) -> Surface:
     """Makes a shape's surface with the colors that Drake's renderers give it.
 
     Args:
-        shape: A Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh (OBJ) or Sphere.
+        shape: A Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh (see `ColoredMesh`) or
+            Sphere.
         properties: Its material: the color ("phong", "diffuse").
 
     Raises:
@@ -64,19 +75,21 @@ def MakeSurface(shape: Shape, properties: PerceptionProperties) -> Surface:
     """
     if properties.HasProperty("phong", "diffuse_map"):
         texture = properties.GetProperty("phong", "diffuse_map")
-        raise ValueError(f"the flat renderer draws no textures, but {shape} has {texture}")
+        raise ValueError(_NO_TEXTURES.format(shape, texture))
     if isinstance(shape, Mesh):
         return _ReadMesh(shape, properties)
     vertices, triangles = _Triangulate(shape)
-    color = _FallbackColor(properties)
+    count, (color, name) = len(triangles), _FallbackColor(properties)
     return Surface(
-        vertices, triangles, np.tile(color, (len(triangles), 1)), not isinstance(shape, HalfSpace)
-    )
+        vertices, triangles, np.tile(color, (count, 1)), count * [name],
+        not isinstance(shape, HalfSpace),
+    )  # fmt: skip
 
 
-def _FallbackColor(properties: PerceptionProperties) -> Array:
-    """The color of what has no material of its own."""
-    return np.asarray(properties.GetPropertyOrDefault("phong", "diffuse", _DEFAULT_COLOR).rgba)
+def _FallbackColor(properties: PerceptionProperties) -> tuple[Array, str]:
+    """The color, and its name, of what has no material of its own."""
+    color = np.asarray(properties.GetPropertyOrDefault("phong", "diffuse", _DEFAULT_COLOR).rgba)
+    return color, color_name(color) if properties.HasProperty("phong", "diffuse") else ""
 
 
 def _Triangulate(shape: Shape) -> Triangles:
@@ -153,48 +166,30 @@ def _Areas(vertices: Array, triangles: IntArray) -> Array:
 
 
 def _ReadMesh(shape: Mesh, properties: PerceptionProperties) -> Surface:
-    """Reads an OBJ file and the materials in its MTL file."""
-    import trimesh  # Slow to import, and needed here alone.
-
+    """Reads a mesh file and its colors; what has none has the geometry's."""
     source = shape.source()
-    if not source.is_path() or shape.extension().lower() != ".obj":
+    if not source.is_path():
         raise ValueError(
-            f"the flat renderer draws meshes from OBJ files only, not {source.description()}"
+            f"meshes are read from files only, not {source.description()}; write it to one"
         )
     path = Path(source.path())
     try:
-        parts = trimesh.load_scene(path, process=False).geometry.values()
-        meshes = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
-    except Exception as error:  # of whatever kind the file's contents bring about
-        raise ValueError(f"the flat renderer cannot read the mesh {path}: {error}") from error
-    if not meshes:
-        raise ValueError(f"the flat renderer cannot draw the mesh {path}: it has no faces")
-    vertices, triangles, colors, start = [], [], [], 0
-    for mesh in meshes:
-        color = _MaterialColor(mesh, path, properties)
-        vertices.append(np.asarray(mesh.vertices, dtype=float) * shape.scale3())
-        triangles.append(np.asarray(mesh.faces, dtype=np.int64) + start)
-        colors.append(np.tile(color, (len(mesh.faces), 1)))
-        start += len(mesh.vertices)
-    corners, indices = np.concatenate(vertices), np.concatenate(triangles)
+        mesh = ColoredMesh.read(path)
+    except FileNotFoundError as error:
+        raise ValueError(str(error)) from error
+    bare = np.isnan(mesh.colors[:, 0])
+    texture = path.with_suffix(".png")  # Drake's renderers take a file of this name as one.
+    if bare.any() and texture.is_file() and not properties.HasProperty("phong", "diffuse"):
+        raise ValueError(_NO_TEXTURES.format(f"the mesh {path}", texture))
+    fallback, name = _FallbackColor(properties)
+    colors = np.column_stack([mesh.colors, np.ones(len(bare))])
+    colors[bare] = fallback
+    vertices, index = np.unique(mesh.triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    vertices, triangles = vertices * shape.scale3(), index.reshape(-1, 3)
     if np.prod(shape.scale3()) < 0.0:
-        indices = indices[:, ::-1]  # A mirror image is turned inside out.
-    return Surface(corners, indices, np.concatenate(colors), _IsConvex(corners, indices))
-
-
-def _MaterialColor(mesh: Any, path: Path, properties: PerceptionProperties) -> Array:
-    """The color of a mesh's part that has one material: its own, or else the geometry's."""
-    material = getattr(mesh.visual, "material", None)
-    texture = None
-    if material is not None:
-        texture = material.image
-    elif not properties.HasProperty("phong", "diffuse") and path.with_suffix(".png").is_file():
-        texture = path.with_suffix(".png")  # Drake's renderers take a file of this name as one.
-    if texture is not None:
-        raise ValueError(f"the flat renderer draws no textures, but the mesh {path} has one")
-    if material is None:
-        return _FallbackColor(properties)
-    return np.array([*material.kwargs.get("kd", (0.0, 0.0, 0.0)), 1.0])
+        triangles = triangles[:, ::-1]  # A mirror image is turned inside out.
+    materials = [name if b else m for b, m in zip(bare, mesh.materials, strict=True)]
+    return Surface(vertices, triangles, colors, materials, _IsConvex(vertices, triangles))
 
 
 def _IsConvex(vertices: Array, triangles: IntArray) -> bool:
