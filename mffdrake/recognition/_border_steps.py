@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import BorderRules, Borders
 from mffdrake.recognition._edge_lines import Lines, move, move_lines
-from mffdrake.recognition._linear import compare, factor, solve
+from mffdrake.recognition._linear import compare, factor, hold_free, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -141,6 +141,7 @@ def normal_equations(
             for j in range(i + 1):
                 N[i, j] -= c * shared[slot, i] * shared[slot, j]
             b[i] -= c * shared[slot, i] * shared[slot, 6]
+    hold_free(N, pose, scene.solid)
     return math.sqrt(spread), trusted
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import BORDER, Borders
 from mffdrake.recognition._edge_lines import Lines
-from mffdrake.recognition._linear import compare, factor, invert, solve
+from mffdrake.recognition._linear import compare, factor, hold_free, invert, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -104,6 +104,7 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
                 gradient[i] += J[k, i] * slope
                 for j in range(i + 1):
                     H[i, j] += J[k, i] * J[k, j] * curvature
+        hold_free(H, pose, scene.solid)
         if not factor(H, L):
             break
         step = solve(L, gradient)

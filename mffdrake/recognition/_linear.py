@@ -12,10 +12,26 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import Borders
-from mffdrake.recognition._edge_lines import Lines, cross, cross_jacobians
-from mffdrake.recognition._structs import Scene
+from mffdrake.recognition._edge_lines import Lines, cross, cross_jacobians, rotation
+from mffdrake.recognition._structs import Scene, Solid
 
 Array = NDArray[np.float64]
+
+_HELD = 1e-3  # [rad] A turn that changes nothing is known as well as that.
+
+
+@njit(cache=True, error_model="numpy")
+def hold_free(N: Array, pose: Array, solid: Solid) -> None:
+    """Adds to a normal matrix what keeps a solid from turning where that changes nothing."""
+    if len(solid.free) == 0:
+        return
+    R_CM, turn = rotation(pose[3:]), np.empty(3)
+    for axis in solid.free:
+        for i in range(3):
+            turn[i] = R_CM[i, 0] * axis[0] + R_CM[i, 1] * axis[1] + R_CM[i, 2] * axis[2]
+        for i in range(3):
+            for j in range(i + 1):
+                N[3 + i, 3 + j] += turn[i] * turn[j] / _HELD**2
 
 
 @njit(cache=True, error_model="numpy")

@@ -25,7 +25,7 @@ from mffdrake.recognition._border_steps import (
 from mffdrake.recognition._borders import BorderRules, Borders, Stage, find_borders, find_jumps
 from mffdrake.recognition._centering import center
 from mffdrake.recognition._edge_lines import Lines, edge_lines, move
-from mffdrake.recognition._linear import compare, factor, invert, solve
+from mffdrake.recognition._linear import compare, factor, hold_free, invert, solve
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]
@@ -138,6 +138,7 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
                     for j in range(i + 1):
                         N[i, j] += borders[k].weight * J[k, i] * J[k, j]
                     b[i] += borders[k].weight * J[k, i] * residuals[k]
+        hold_free(N, pose, scene.solid)
         if not factor(N, L):
             continue
         step, C = solve(L, b), invert(L)

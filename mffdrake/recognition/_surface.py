@@ -110,9 +110,8 @@ def cluster(rows: Array) -> IntArray:
     # Sorted along an odd direction, in which rows with the same numbers in a column lie apart.
     along = rows @ _ODD_DIRECTION
     order = np.argsort(along, kind="stable")
-    reach = np.abs(_ODD_DIRECTION).sum()
-    start = np.searchsorted(along[order], along - reach)
-    stop = np.searchsorted(along[order], along + reach, side="right")
+    start = np.searchsorted(along[order], along - _ODD_DIRECTION.sum())
+    stop = np.searchsorted(along[order], along + _ODD_DIRECTION.sum(), side="right")
     count = 0
     for k in range(len(rows)):
         if labels[k] < 0:

@@ -16,6 +16,7 @@ from mffdrake.recognition.cameras import CameraRig, Image
 from mffdrake.recognition.colors import ChannelOrder, ColorModel
 from mffdrake.recognition.parameters import NonNegative, Share, parameters
 from mffdrake.recognition.search_model import SearchModel
+from mffdrake.recognition.symmetry import find_symmetries
 
 if TYPE_CHECKING:
     from mffdrake.recognition._structs import ColorGate, Rules, Samples, Scene, Solid
@@ -204,7 +205,7 @@ class Matcher:
             Solid(
                 find_outlines(solid, alike), solid.normals, solid.centers,
                 solid.vertices.mean(axis=0), bits, np.bitwise_or.reduce(bits),
-                solid.material_numbers, alike,
+                solid.material_numbers, alike, find_symmetries(solid).axes,
             ),
             Samples(
                 find_visibility(m, alike),

@@ -92,7 +92,8 @@ class Surface:
         arms = self._arms
         for start in range(0, _TESTED, _AT_ONCE):
             some = slice(start, start + _AT_ONCE)
-            squared = self._squared[some, None] + self._squared - 2.0 * (arms[some] @ R.T) @ arms.T
+            products = np.einsum("ak,nk->an", arms[some] @ R.T, arms)
+            squared = self._squared[some, None] + self._squared - 2.0 * products
             if by_color:
                 squared[self.hues[some, None] != self.hues] = np.inf
             if squared.min(axis=1).max() > self.limit**2:

@@ -131,8 +131,9 @@ class Symmetries:
 
     Attributes:
         turns: Rotations, without the identity.
-        axis: A point [m] and a unit vector, about which any rotation is one, shape (2, 3); None
-            where there is no such axis.
+        axes: Unit vectors about which any rotation is one: none, that of a body of revolution, or
+            the three axes of a ball; shape (K, 3).
+        center: The point that those pass through [m], shape (3,).
 
     Example:
         >>> from mffdrake.recognition import BLUE, GREEN, RED
@@ -142,14 +143,17 @@ class Symmetries:
     """
 
     turns: Turns
-    axis: Array | None = None
+    axes: Array
+    center: Array
 
     def __str__(self) -> str:
         """What they are, in words."""
-        words = []
-        if self.axis is not None:
-            x, y, z = self.axis[1].round(3) + 0.0
-            words.append(f"any turn about ({x:g}, {y:g}, {z:g})")
+        if len(self.axes) > 1:
+            return "any turn"
+        words = [
+            f"any turn about ({x:g}, {y:g}, {z:g})"
+            for x, y, z in (self.axes.round(3) + 0.0).tolist()
+        ]
         if len(self.turns.rotations):
             count = len(self.turns.rotations)
             words.append(f"{count} turn{'s' if count > 1 else ''}")
@@ -158,8 +162,10 @@ class Symmetries:
     def contain(self, R: Array) -> bool:
         """Whether a rotation, shape (3, 3), is one of them, but for a few degrees."""
         all_turns = [np.eye(3), *self.turns.rotations]
-        if self.axis is not None:  # about which any turn may follow
-            return any((R @ self.axis[1]) @ (S @ self.axis[1]) > 0.995 for S in all_turns)
+        if len(self.axes) > 1:
+            return True
+        if len(self.axes):  # about which any turn may follow
+            return any((R @ self.axes[0]) @ (S @ self.axes[0]) > 0.995 for S in all_turns)
         return any(np.trace(R @ S.T) > 2.99 for S in all_turns)
 
     def nearest(self, pose: Array, other: Array) -> Array:
@@ -172,10 +178,14 @@ class Symmetries:
         Returns:
             A pose vector, shape (6,); the very same where it is the nearest.
         """
-        if self.axis is None and 2.0 * rotation_angle(pose[3:], other[3:]) < self._least:
+        if len(self.axes) > 1:
+            R, p = transform_from_pose(pose)
+            onto = transform_from_pose(other)[0]
+            return np.asarray(pose_from_transform(onto, p + (R - onto) @ self.center))
+        if not len(self.axes) and 2.0 * rotation_angle(pose[3:], other[3:]) < self._least:
             return pose
         poses = np.concatenate([pose[None], self.turns.of(pose)])
-        if self.axis is not None:
+        if len(self.axes):
             poses = np.concatenate([pose[None], *(self._turned(p, other)[None] for p in poses)])
         apart = rotation_angle(poses[:, 3:], np.broadcast_to(other[3:], (len(poses), 3)))
         best = int(np.argmin(apart.round(9)))
@@ -189,19 +199,20 @@ class Symmetries:
 
     def _turned(self, pose: Array, other: Array) -> Array:
         """A pose turned about the axis to be nearest to another."""
-        assert self.axis is not None
-        point, d = self.axis
+        d = self.axes[0]
         A = transform_from_pose(other)[0].T @ transform_from_pose(pose)[0]
         # The trace of A R(angle) is greatest there.
         sine = A[2, 1] * d[0] + A[0, 2] * d[1] + A[1, 0] * d[2]
         sine -= A[1, 2] * d[0] + A[2, 0] * d[1] + A[0, 1] * d[2]
         angle = math.atan2(-sine, float(np.trace(A) - d @ A @ d))
         R = rotation_matrix(rotate_by(angle * d))
-        turned: Array = Turns(R[None], point[None]).of(pose)[0]
+        turned: Array = Turns(R[None], self.center[None]).of(pose)[0]
         return turned
 
 
-NO_SYMMETRIES = Symmetries(Turns(np.empty((0, 3, 3)), np.empty((0, 3))))
+NO_SYMMETRIES = Symmetries(
+    Turns(np.empty((0, 3, 3)), np.empty((0, 3))), np.empty((0, 3)), np.zeros(3)
+)
 """Of a solid that looks different from everywhere."""
 
 
@@ -222,19 +233,24 @@ def find_symmetries(solid: SolidModel) -> Symmetries:
         rotations = find_turns(solid, _EXACTLY)
         kept = np.array([R for R in rotations if _keeps_colors(solid, R)]).reshape(-1, 3, 3)
         middle = solid.vertices.mean(axis=0)
-        return Symmetries(Turns(kept, np.broadcast_to(middle, (len(kept), 3))))
+        return Symmetries(Turns(kept, np.tile(middle, (len(kept), 1))), np.empty((0, 3)), middle)
     surface = Surface.of(solid)
-    for direction in surface.directions:
-        turns = [rotation_matrix(rotate_by(angle * direction)) for angle in _ANY_ANGLES]
-        if all(surface.coincides(R, by_color=True) for R in turns):
-            flips = [
-                R for R in surface.turns(by_color=True) if (R @ direction) @ direction < -0.999
-            ][:1]  # All others follow from it by turns about the axis.
-            points = np.tile(surface.center, (len(flips), 1))
-            axis = np.stack([surface.center, direction])
-            return Symmetries(Turns(np.array(flips).reshape(-1, 3, 3), points), axis)
+    free = [
+        direction
+        for direction in surface.directions
+        if all(
+            surface.coincides(rotation_matrix(rotate_by(angle * direction)), by_color=True)
+            for angle in _ANY_ANGLES
+        )
+    ]
+    if len(free) > 1:  # a ball
+        return Symmetries(NO_SYMMETRIES.turns, np.eye(3), surface.center)
     rotations = surface.turns(by_color=True)
-    return Symmetries(Turns(rotations, np.tile(surface.center, (len(rotations), 1))))
+    for axis in free:  # One half turn, if any: all others follow from it by turns about the axis.
+        rotations = np.array([R for R in rotations if (R @ axis) @ axis < -0.999])[:1]
+    points = np.tile(surface.center, (len(rotations), 1))
+    turns = Turns(rotations.reshape(-1, 3, 3), points)
+    return Symmetries(turns, np.array(free).reshape(-1, 3), surface.center)
 
 
 def find_look_alikes(solid: SolidModel) -> Turns:

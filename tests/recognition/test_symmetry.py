@@ -143,8 +143,8 @@ MODELS = Path(__file__).parents[2] / "models"
 def test_a_body_of_revolution_may_be_turned_about_its_axis_by_any_angle():
     mug = SolidModel.from_mesh_file(MODELS / "mug.obj")
     found = find_symmetries(mug)
-    np.testing.assert_allclose(np.abs(found.axis[1]), [0, 0, 1], atol=1e-6)
-    np.testing.assert_allclose(found.axis[0][:2], 0, atol=1e-6)
+    np.testing.assert_allclose(np.abs(found.axes), [[0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(found.center[:2], 0, atol=1e-6)
     assert len(found.turns.rotations) == 0  # It is open above, and has other colors below.
     assert str(found).startswith("any turn about")
     assert len(find_look_alikes(mug).rotations) == 0
@@ -165,15 +165,15 @@ def test_of_poses_that_look_alike_the_one_is_told_that_is_turned_least(seed):
         found = symmetries.nearest(psi, near)
         # All of them, one by one
         turned = [psi, *symmetries.turns.of(psi)]
-        if symmetries.axis is not None:
-            point, d = symmetries.axis
+        for d in symmetries.axes:
+            point = symmetries.center
             turns = np.array([rotation(rotate_by(a * d)) for a in np.linspace(-3.14, 3.14, 4001)])
             turned = [*Turns(turns, np.tile(point, (len(turns), 1))).of(psi)]
         angles = [rotation_angle(q[3:], near[3:]) for q in turned]
         assert rotation_angle(found[3:], near[3:]) == pytest.approx(min(angles), abs=2e-6)
         np.testing.assert_allclose(symmetries.nearest(found, near), found, atol=1e-9)
         # The axis' point stays where it was.
-        if symmetries.axis is not None:
+        if len(symmetries.axes):
             where = [rotation(q[3:]) @ point + q[:3] for q in (psi, found)]
             np.testing.assert_allclose(where[0], where[1], atol=1e-12)
 
@@ -209,4 +209,4 @@ def test_an_axis_is_found_however_many_facets_approximate_the_surface(sides):
             faces.append(tuple(dict.fromkeys(int(one[j % len(one)]) for one, j in at)))
             hues.append(k)
     found = find_symmetries(SolidModel(vertices, faces, hues))
-    np.testing.assert_allclose(np.abs(found.axis[1]), [0, 0, 1], atol=1e-3)
+    np.testing.assert_allclose(np.abs(found.axes), [[0, 0, 1]], atol=1e-3)
