@@ -27,6 +27,7 @@ _SIDES = ((3, 2, 2), (-3, -2, 2), (2, -3, -2), (-2, 1, 6))
 _PIXELS = 480
 _DISTANCE = 0.8  # [m] from which faces are judged
 _LEAST_PIXELS = 10.0  # A face narrower than that hardly counts.
+_MOST_NAMED = 3
 _SIZES = (0.01, 3.0)  # [m] Others are probably in other units.
 
 
@@ -117,12 +118,19 @@ def _Warnings(model: SearchModel) -> list[str]:
     if len(names) == 1:
         found.append("it has one color alone: only its silhouette tells its pose")
     areas = np.bincount(solid.patches, solid.areas)
-    for patch in np.flatnonzero(np.sqrt(areas) * rig.cameras[0].fx / _DISTANCE < _LEAST_PIXELS):
-        face = int(np.flatnonzero(solid.patches == patch)[0])
-        x, y, z = solid.centers[face] + 0.0
+    small = np.flatnonzero(np.sqrt(areas) * rig.cameras[0].fx / _DISTANCE < _LEAST_PIXELS)
+    if len(small):
+        faces = [int(np.flatnonzero(solid.patches == patch)[0]) for patch in small[:_MOST_NAMED]]
+        named = [
+            "face {} ({}) at ({:.3g}, {:.3g}, {:.3g}) m".format(
+                face, solid.materials[face], *(solid.centers[face] + 0.0)
+            )
+            for face in faces
+        ]
+        named += ["..."] if len(small) > _MOST_NAMED else []
         found.append(
-            f"face {face} ({solid.materials[face]}) at ({x:.3g}, {y:.3g}, {z:.3g}) m is less "
-            f"than {_LEAST_PIXELS:g} pixels wide from {_DISTANCE} m; it hardly counts"
+            f"{len(small)} of {len(areas)} surfaces are less than {_LEAST_PIXELS:g} pixels wide "
+            f"from {_DISTANCE} m and hardly count: {', '.join(named)}"
         )
     return found
 

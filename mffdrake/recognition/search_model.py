@@ -163,7 +163,7 @@ class SearchModel:
         self.solid = solid
         if solid.areas.sum() > _TOO_MANY * sampling.spacing**2:
             raise ParameterError(
-                f"the solid is {np.ptp(solid.vertices, axis=0).max():g} m long, too large for "
+                f"{solid.name} is {np.ptp(solid.vertices, axis=0).max():g} m long, too large for "
                 f"points {sampling.spacing:g} m apart: the mesh is probably in millimeters, but "
                 "meshes are in meters; scale its vertices, or increase the sampling's spacing"
             )

@@ -41,6 +41,7 @@ class SolidModel:
         materials: Name of each face's material; by default faces are named by their hues.
 
     Attributes:
+        name: What messages call it.
         vertices: As given, shape (V, 3).
         faces: As given, a tuple of tuples: the outer side of each face.
         holes: For each face the corners of its holes, clockwise; most have none.
@@ -67,6 +68,8 @@ class SolidModel:
         >>> len(box.faces), len(box.edges), box.is_convex
         (6, 12, True)
     """
+
+    name = "the solid"
 
     def __init__(
         self,
@@ -168,9 +171,11 @@ class SolidModel:
         """
         hues = mesh.hues
         try:
-            return cls.from_triangles(mesh.triangles, hues, mesh.materials)
+            solid = cls.from_triangles(mesh.triangles, hues, mesh.materials)
         except ValueError as error:
             raise ValueError(f"{mesh.name}: {error}") from error
+        solid.name = mesh.name
+        return solid
 
     @classmethod
     def from_triangles(
@@ -189,6 +194,12 @@ class SolidModel:
             ValueError: See `SolidModel`.
         """
         corners, hues = np.asarray(triangles, dtype=float), np.asarray(hues, dtype=float)
+        unknown = np.flatnonzero(~np.isfinite(corners).all(axis=(1, 2)))
+        if len(unknown):
+            raise ValueError(
+                f"face {unknown[0]} has corners at {corners[unknown[0]].tolist()} m, of which not "
+                "all are finite numbers; leave it out or mend it"
+            )
         vertices, index, kept = _surface.weld(corners)
         if not len(kept):
             raise ValueError("the surface has no faces")

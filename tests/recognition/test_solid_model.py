@@ -619,3 +619,17 @@ def test_materials_of_an_obj_file_are_words_of_one_color_each(tmp_path):
     again = ColoredMesh.read(tmp_path / "it.obj")
     np.testing.assert_array_equal(again.colors, colors)
     assert list(dict.fromkeys(again.materials)) == ["some_paint", "some_paint_#00ff00", "blue"]
+
+
+def test_corners_that_are_no_numbers_are_told(tmp_path):
+    mesh, colors = colored_box()
+    mesh.vertices[4] = [0.0, np.nan, 0.0]
+    with pytest.raises(ValueError, match=r"^box: face 1 has corners at .*nan.* finite numbers"):
+        SolidModel.from_mesh(ColoredMesh("box", mesh.triangles, colors / 255.0, 12 * ["paint"]))
+
+
+def test_a_mesh_in_millimeters_is_told_by_its_name():
+    mesh, colors = colored_box()
+    large = ColoredMesh("box.ply", 1e3 * mesh.triangles, colors / 255.0, 12 * ["paint"])
+    with pytest.raises(ValueError, match=r"^box\.ply is 200 m long.* in millimeters"):
+        SearchModel(SolidModel.from_mesh(large))
