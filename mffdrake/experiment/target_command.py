@@ -6,6 +6,7 @@ import argparse
 import colorsys
 import json
 import math
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,15 @@ from numpy.typing import NDArray
 from mffdrake.experiment.files import MakeOutputFolder, WholeFile
 from mffdrake.experiment.plotting import SaveFigure
 from mffdrake.experiment.recordings.arguments import LoadTarget
-from mffdrake.recognition import CameraRig, Matcher, SearchModel
-from mffdrake.recognition.aspects import as_drawn
-from mffdrake.recognition.symmetry import find_symmetries
+from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
+from mffdrake.recognition.portrait import Portrait
+from mffdrake.recognition.symmetry import Symmetries, find_symmetries
 
 __all__ = ["DescribeTarget", "PlotTarget", "RunTarget"]
 
 Array = NDArray[np.float64]
 
 _SIDES = ((3, 2, 2), (-3, -2, 2), (2, -3, -2), (-2, 1, 6))
-_PIXELS = 480
 _DISTANCE = 0.8  # [m] from which faces are judged
 _LEAST_PIXELS = 10.0  # A face narrower than that hardly counts.
 _MOST_NAMED = 3
@@ -136,45 +136,51 @@ def _Warnings(model: SearchModel) -> list[str]:
 
 
 def PlotTarget(model: SearchModel) -> Figure:
-    """A solid from four sides: its colors, edges and inside points.
+    """A solid from four sides: its colors, edges, inside points and the axes of its symmetries.
 
     Args:
         model: The sampled solid.
     """
-    figure = Figure(figsize=(9.0, 9.0), layout="constrained")
-    for axis, direction in zip(figure.subplots(2, 2).flat, _SIDES, strict=True):
-        image, half = _DrawSide(model, np.array(direction) / np.linalg.norm(direction))
-        axis.imshow(image, extent=(-half, half, -half, half))
-        axis.set_title("from ({:g}, {:g}, {:g})".format(*direction))
-        axis.set_xlabel("across, about [mm]")
+    figure = Figure(figsize=(9.0, 10.0), layout="constrained")
+    symmetries = find_symmetries(model.solid)
+    for axes, direction in zip(figure.subplots(2, 2).flat, _SIDES, strict=True):
+        portrait = Portrait.of(model, np.array(direction) / np.linalg.norm(direction))
+        to_mm = 1e3 * portrait.distance / portrait.focal_length
+        half = 0.5 * to_mm * len(portrait.faces)
+        axes.imshow(_Paint(model.solid, portrait), extent=(-half, half, -half, half))
+        places = [(line, "--") for line in map(portrait.project, _Axes(model.solid, symmetries))]
+        for pixels, style in (*places, (portrait.points, ".")):
+            x, y = (to_mm * (pixels - 0.5 * (len(portrait.faces) - 1))).T
+            axes.plot(x, -y, style, color="0.4" if style == "--" else "black", markersize=2.0)
+        axes.set(xlim=(-half, half), ylim=(-half, half), xlabel="across, about [mm]")
+        axes.set_title("from ({:g}, {:g}, {:g})".format(*direction))
+    lines = [f"Symmetries: {symmetries}", *(f"Warning: {text}" for text in _Warnings(model))]
+    text = "\n".join(textwrap.fill(line, 110) for line in lines)
+    figure.suptitle(text, fontsize="medium", ha="left", x=0.02)
     return figure
 
 
-def _DrawSide(model: SearchModel, direction: Array) -> tuple[NDArray[np.uint8], float]:
-    """A solid seen from a direction, and half of the picture's width at its middle [mm]."""
-    from mffdrake.recognition import _aspects  # numba: slow to import
+def _Axes(solid: SolidModel, symmetries: Symmetries) -> list[Array]:
+    """The ends of the axes about which a solid may be turned [m], each of shape (2, 3)."""
+    axes = [] if len(symmetries.axes) > 1 else [*symmetries.axes]  # Those of a ball are any.
+    for R in symmetries.turns.rotations:
+        values, vectors = np.linalg.eig(R)
+        axis = vectors[:, np.argmin(np.abs(values - 1.0))].real
+        if all(abs(axis @ other) < 0.999 for other in axes):
+            axes.append(axis)
+    reach = 0.6 * solid.size
+    return [np.stack([symmetries.center - reach * d, symmetries.center + reach * d]) for d in axes]
 
-    solid = model.solid
-    drawn = as_drawn(solid)
-    distance = 3.0 * solid.size
-    camera = _aspects.camera_at(direction, drawn, distance, _PIXELS)
-    canvas = _aspects.Canvas(
-        np.empty((_PIXELS, _PIXELS)), np.empty((_PIXELS, _PIXELS), dtype=np.int64)
-    )
-    _aspects.draw(camera, drawn, canvas)
+
+def _Paint(solid: SolidModel, portrait: Portrait) -> NDArray[np.uint8]:
+    """The colors of a solid that is seen from a side, with its edges."""
     colors = np.array([colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 0.8, 1.0) for hue in solid.hues])
-    shade = 0.7 + 0.3 * np.abs(solid.normals @ direction)
+    shade = 0.7 + 0.3 * np.abs(solid.normals @ portrait.axes[2])
     palette = np.concatenate([colors * shade[:, None], [[1.0, 1.0, 1.0]]])  # -1 is the background
-    image = palette[canvas.faces]
-    patches = np.append(solid.patches, -1)[canvas.faces]
+    image = palette[portrait.faces]
+    patches = np.append(solid.patches, -1)[portrait.faces]
     edges = np.zeros(patches.shape, dtype=bool)
     edges[1:] |= patches[1:] != patches[:-1]
     edges[:, 1:] |= patches[:, 1:] != patches[:, :-1]
     image[edges] = 0.1
-    for point, face in zip(model.inside_points, model.inside_faces, strict=True):
-        looks = solid.normals[face] @ (camera.place - point) > 0.0
-        if looks and _aspects.is_seen(camera, canvas, point, face):
-            u, v, _ = _aspects.project(camera, point, 0.5 * _PIXELS)
-            image[int(v) : int(v) + 2, int(u) : int(u) + 2] = 0.0
-    half = 1e3 * 0.5 * _PIXELS * distance / camera.focal
-    return np.rint(255 * image).astype(np.uint8), half
+    return np.rint(255 * image).astype(np.uint8)
