@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._proposals import Sources
 from mffdrake.recognition._structs import Scene, new_placed, place
+from mffdrake.recognition.solid_model import Facets
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -77,12 +78,13 @@ def pick_distinct(
 
 
 @njit(cache=True, error_model="numpy")
-def silhouette_areas(poses: Array, scene: Scene, areas: Array) -> Array:
+def silhouette_areas(poses: Array, scene: Scene, facets: Facets) -> Array:
     """Solid angle of the solid at poses, summed over the cameras, shape (N,) [sr].
 
-    ``areas`` are the faces' [m^2]. Each counts as if it was small and far away.
+    Each facet counts as if it was small and far away.
     """
-    solid, placed = scene.solid, new_placed()
+    normals, centers, areas = facets
+    placed = new_placed()
     seen = np.zeros(len(poses))
     for view in scene.views:
         for i in range(len(poses)):
@@ -90,8 +92,8 @@ def silhouette_areas(poses: Array, scene: Scene, areas: Array) -> Array:
             for k in range(len(areas)):
                 toward, squared = 0.0, 0.0
                 for j in range(3):
-                    d = placed.p_MK[j] - solid.centers[k, j]
-                    toward += solid.normals[k, j] * d
+                    d = placed.p_MK[j] - centers[k, j]
+                    toward += normals[k, j] * d
                     squared += d * d
                 if toward > 0.0:
                     seen[i] += areas[k] * toward / squared**1.5

@@ -250,7 +250,7 @@ class Acquisition:
         from mffdrake.recognition import _picking  # numba: slow to import
 
         # Not the share: of a target that is hidden in part, it is small where the pose is right.
-        areas = _picking.silhouette_areas(proposed.poses, scene, self.matcher.solid.areas)
+        areas = _picking.silhouette_areas(proposed.poses, scene, self.matcher.solid.facets)
         picked = _picking.pick_distinct(
             proposed.poses,
             areas * self._coarse.score(proposed.poses, scene),

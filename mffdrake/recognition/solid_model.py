@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,23 @@ RED, GREEN, BLUE = 0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0
 """Hues [rad] of the three primary colors."""
 
 _FEW = 100  # edges
+_MANY = 200  # faces
+_BINS = 2.0  # of a normal's components from 0 to 1
 _SMOOTH = math.cos(math.radians(35.0))  # A surface that bends by less at an edge is curved there.
+
+
+class Facets(NamedTuple):
+    """Faces, or of many small ones those together that look in about the same direction.
+
+    Attributes:
+        normals: Their mean outward normals, shape (K, 3).
+        centers: Their mean centers [m], shape (K, 3).
+        areas: Their areas [m^2], shape (K,).
+    """
+
+    normals: Array
+    centers: Array
+    areas: Array
 
 
 class SolidModel:
@@ -242,6 +258,21 @@ class SolidModel:
     def patches(self) -> IntArray:
         """Numbers of the smooth surfaces that faces are parts of, shape (F,)."""
         return _surface.connect(len(self.faces), self.edge_faces[self.smooth])
+
+    @cached_property
+    def facets(self) -> Facets:
+        """What the size of its silhouette is told from."""
+        if len(self.faces) <= _MANY:
+            return Facets(self.normals, self.centers, self.areas)
+        bins = np.column_stack([self.patches, np.rint(_BINS * self.normals)])
+        number = np.unique(bins, axis=0, return_inverse=True)[1].reshape(-1)
+        areas: Array = np.bincount(number, self.areas).astype(float)
+        normals, centers = (
+            np.stack([np.bincount(number, self.areas * column) for column in rows.T], axis=1)
+            / areas[:, None]
+            for rows in (self.normals, self.centers)
+        )
+        return Facets(normals, centers, areas)
 
     @cached_property
     def continues(self) -> NDArray[np.bool_]:

@@ -5,9 +5,10 @@ import math
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from synthetic import paper_box, pose, random_poses, rotation, tetrahedron
 
-from mffdrake.recognition import Camera, CameraRig, Matcher, SearchModel
+from mffdrake.recognition import Camera, CameraRig, Matcher, SearchModel, SolidModel
 
 _picking = pytest.importorskip("mffdrake.recognition._picking")
 _proposals = pytest.importorskip("mffdrake.recognition._proposals")
@@ -85,7 +86,13 @@ def test_what_scores_nothing_is_never_picked():
     assert len(pick(poses[:0], scores[:0], origins[:0], [], (20, 10), apart)) == 0
 
 
-@pytest.mark.parametrize("solid", [paper_box(), tetrahedron()])
+def egg():
+    """A smooth body of a thousand faces of one color."""
+    triangles = trimesh.creation.icosphere(3).triangles * [0.05, 0.07, 0.09]
+    return SolidModel.from_triangles(triangles, np.zeros(len(triangles)), len(triangles) * ["red"])
+
+
+@pytest.mark.parametrize("solid", [paper_box(), tetrahedron(), egg()])
 def test_a_silhouettes_area_is_that_of_the_hull_of_its_corners(solid):
     """Far away, its solid angle is its area in the image of a camera that looks at it."""
     rig = CameraRig((Camera(width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0),))
@@ -98,10 +105,10 @@ def test_a_silhouettes_area_is_that_of_the_hull_of_its_corners(solid):
         corners = solid.vertices @ rotation(psi[3:]).T + psi[:3]
         outline = cv2.convexHull((1000.0 * corners[:, :2] / corners[:, 2:]).astype(np.float32))
         expected.append(1e-6 * cv2.contourArea(outline))
-    found = _picking.silhouette_areas(poses, scene, solid.areas)
+    found = _picking.silhouette_areas(poses, scene, solid.facets)
     np.testing.assert_allclose(found, expected, rtol=0.01)
     # Two cameras in one place see twice as much.
     twice = scene._replace(views=2 * scene.views)
     np.testing.assert_allclose(
-        _picking.silhouette_areas(poses, twice, solid.areas), 2.0 * found, rtol=1e-12
+        _picking.silhouette_areas(poses, twice, solid.facets), 2.0 * found, rtol=1e-12
     )
