@@ -29,7 +29,7 @@ RED, GREEN, BLUE = 0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0
 
 _FEW = 100  # edges
 _MANY = 200  # faces
-_BINS = 2.0  # of a normal's components from 0 to 1
+_BINS = 5.0  # of a normal's components from 0 to 1
 _SMOOTH = math.cos(math.radians(35.0))  # A surface that bends by less at an edge is curved there.
 
 
