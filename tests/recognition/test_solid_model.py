@@ -633,3 +633,47 @@ def test_a_mesh_in_millimeters_is_told_by_its_name():
     large = ColoredMesh("box.ply", 1e3 * mesh.triangles, colors / 255.0, 12 * ["paint"])
     with pytest.raises(ValueError, match=r"^box\.ply is 200 m long.* in millimeters"):
         SearchModel(SolidModel.from_mesh(large))
+
+
+def test_a_finely_divided_box_is_the_box():
+    fine, _ = colored_box()
+    for _ in range(4):
+        fine = fine.subdivide()
+    axis = np.argmax(np.abs(fine.face_normals), axis=1)
+    triangles = np.asarray(fine.triangles)
+    solid = SolidModel.from_triangles(triangles, paper_box().hues[2 * axis], len(axis) * ["x"])
+    assert len(solid.triangles) == 12 * 4**4
+    assert as_sets(solid) == as_sets(paper_box())
+    assert (len(solid.vertices), len(solid.edges)) == (8, 12) and solid.is_plain
+    places = [
+        sorted(map(tuple, SearchModel(s).inside_points.round(9) + 0.0))
+        for s in (solid, paper_box())
+    ]
+    assert places[0] == places[1]
+
+
+def gear(teeth, radius=0.06, depth=0.006, height=0.05):
+    """A gear with a cap of one hue above and below, and flanks of another one."""
+    angles = 2.0 * np.pi * np.arange(4 * teeth) / (4 * teeth)
+    radii = np.where((np.arange(4 * teeth) // 2) % 2 == 0, radius, radius - depth)
+    ring = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    n = len(ring)
+    vertices = [(*p, z) for z in (0.0, height) for p in ring]
+    flanks = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+    faces = [tuple(reversed(range(n))), tuple(range(n, 2 * n)), *flanks]
+    return SolidModel(vertices, faces, [0.0, 0.0] + n * [2.0])
+
+
+def test_of_many_small_faces_there_are_no_more_points_than_of_a_few_large_ones():
+    solid = gear(100)
+    model = SearchModel(solid)
+    caps, flanks = np.split(np.diff(model.inside_start), [2])
+    # The flanks' part is that of their area; the caps have fewer than theirs, and keep them all.
+    share = solid.areas[2:].sum() / solid.areas.sum()
+    assert flanks.sum() == pytest.approx(600 * share, abs=2)
+    assert 30 < caps.sum() < 600 * (1.0 - share)
+    assert flanks.max() == 1 and np.ptp(np.flatnonzero(flanks)) > 0.98 * len(flanks)
+    assert len(model.edge_points) <= 600
+    upright = solid.edge_lengths > 0.049
+    wanted = 600 * solid.edge_lengths[upright].sum() / solid.edge_lengths.sum()
+    assert np.diff(model.edge_start)[upright].sum() == pytest.approx(wanted, abs=2)
