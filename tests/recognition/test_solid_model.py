@@ -672,7 +672,7 @@ def test_of_many_small_faces_there_are_no_more_points_than_of_a_few_large_ones()
     share = solid.areas[2:].sum() / solid.areas.sum()
     assert flanks.sum() == pytest.approx(600 * share, abs=2)
     assert 30 < caps.sum() < 600 * (1.0 - share)
-    assert flanks.max() == 1 and np.ptp(np.flatnonzero(flanks)) > 0.98 * len(flanks)
+    assert flanks.max() <= 3 and np.ptp(np.flatnonzero(flanks)) > 0.98 * len(flanks)
     assert len(model.edge_points) <= 600
     upright = solid.edge_lengths > 0.049
     wanted = 600 * solid.edge_lengths[upright].sum() / solid.edge_lengths.sum()
