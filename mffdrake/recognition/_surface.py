@@ -264,7 +264,8 @@ def find_edges(loops: Sequence[Sequence[Loop]]) -> tuple[IntArray, IntArray, Int
         for loop in face:
             for a, b in zip(loop, (*loop[1:], loop[0]), strict=True):
                 sides.setdefault((min(a, b), max(a, b)), []).append((f, 1 if a < b else -1))
-    faces, signs = np.moveaxis(np.array(list(sides.values()), dtype=np.int64), 2, 0)
+    both = np.moveaxis(np.array(list(sides.values()), dtype=np.int64), 2, 0)
+    faces, signs = np.ascontiguousarray(both)
     return np.array(list(sides), dtype=np.int64), faces, signs
 
 
@@ -307,8 +308,7 @@ def renumber(loops: Sequence[Sequence[Loop]]) -> tuple[IntArray, list[list[Loop]
     """The vertices that loops use, and the loops with numbers of those."""
     used = sorted({k for face in loops for loop in face for k in loop})
     number = {k: place for place, k in enumerate(used)}
-    renumbered = [[tuple(number[k] for k in loop) for loop in face] for face in loops]
-    return np.array(used, dtype=np.int64), renumbered
+    return np.array(used), [[tuple(number[k] for k in loop) for loop in face] for face in loops]
 
 
 def _doubled_area(vertices: Array, loop: Loop) -> float:

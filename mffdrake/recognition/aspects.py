@@ -178,7 +178,7 @@ def _draw_visibility(model: SearchModel, alike: Flags) -> Visibility:
     for k in range(len(offsets)):
         covered = contour & ((states & (_aspects.FIRST_ROW << k)) == 0)
         rows |= np.where(some & ~_of_corners(covered), np.uint32(1 << k), np.uint32(0))
-    entry, point = np.nonzero(rows)
+    entry, point = map(np.ascontiguousarray, np.nonzero(rows))
     changes = (np.diff(entry, prepend=-1) != 0) | (np.diff(edge[point], prepend=-1) != 0)
     heads = np.flatnonzero(changes)
     edges = edge[point[heads]]
@@ -188,7 +188,7 @@ def _draw_visibility(model: SearchModel, alike: Flags) -> Visibility:
     needed = _of_corners(facing) & (np.diff(until, axis=1) > 0)
     for face in solid.edge_faces[edges].T:
         needed[entry[heads], face] = True
-    field, faces = np.nonzero(needed)
+    field, faces = map(np.ascontiguousarray, np.nonzero(needed))
     fields = np.arange(GRID * GRID + 1)
     return Visibility(
         GRID, np.searchsorted(field, fields), faces, shown,

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -140,3 +141,11 @@ def test_a_convex_solid_with_few_edges_needs_none():
     solid, samples, _ = Matcher(SearchModel(box), CameraRig.stereo())._structs
     assert solid.outlines.grid == samples.visibility.grid == 0
     np.testing.assert_array_equal(solid.outlines.ends, box.vertices[box.edges])
+
+
+def test_nothing_is_compiled_anew_for_a_solid_of_another_kind():
+    def types(name):
+        model = SearchModel(SolidModel.from_mesh_file(MODELS / f"{name}.obj"))
+        return [numba.typeof(struct) for struct in Matcher(model, CameraRig.stereo())._structs]
+
+    assert types("target_box") == types("l_block") == types("mug")
