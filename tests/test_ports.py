@@ -36,6 +36,7 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
+from mffdrake.recognition.mesh_file import ColoredMesh
 from mffdrake.systems.camera_delay import GeometryPoser
 from mffdrake.systems.clutter.moving_shapes import MovingShapes
 from mffdrake.systems.disturbances import Frozen, GaussianNoise
@@ -100,7 +101,9 @@ def make_tracker():
 
 def make_visualizer():
     return PoseEstimateVisualizer(
-        meshcat=Meshcat(), plant=MakePa10Plant(), mesh=FindModelsPath() / "target_box.obj"
+        meshcat=Meshcat(),
+        plant=MakePa10Plant(),
+        mesh=ColoredMesh.read(FindModelsPath() / "target_box.obj"),
     )
 
 

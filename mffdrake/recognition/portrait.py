@@ -50,7 +50,7 @@ class Portrait:
             >>> box = SearchModel(SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE)))
             >>> seen = Portrait.of(box, np.array([0.0, 0.6, 0.8]))
             >>> np.unique(seen.faces).tolist()                 # the background and two faces
-            [-1, 3, 5]
+            [-1, 2, 4]
         """
         from mffdrake.recognition import _aspects  # numba: slow to import
 
