@@ -31,6 +31,11 @@ class ColoredMesh:
         triangles: Corner points [m], shape (T, 3, 3).
         colors: Red, green and blue from 0 to 1, shape (T, 3); NaN where there is none.
         materials: Name of each one's material.
+
+    Example:
+        >>> corners, red = np.zeros((1, 3, 3)), np.array([[1.0, 0.0, 0.0]])
+        >>> ColoredMesh("a dot", corners, red, ["paint"]).hues
+        array([0.])
     """
 
     name: str
