@@ -17,15 +17,18 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 States = NDArray[np.uint32]
 
-CONTOUR, CREASE, FREE, FIRST_ROW = 1, 2, 4, 8
+CONTOUR, CREASE, FREE, HIDDEN, FIRST_ROW = 1, 2, 4, 8, 16
 """What an edge's point is: between a visible and a hidden face, or between two visible ones; seen,
-with the face, and nothing else of its color behind it; and, from this bit on, whether each row of
-the strip lies outside the solid there. What is no border, as a crease of one color, is nothing."""
+with the face, and nothing else of its color behind it; and, from the last bit on, whether each row
+of the strip lies outside the solid there. What is no border, as a crease of one color, is nothing;
+but where it nearly is a contour and something hides it."""
 
 _RESOLUTION = 192  # pixels across
 _DISTANCE = 3.0  # of the camera from the solid, in sizes of it
 _BESIDE = 1.5  # pixels: so far from an edge its face and what is behind it are looked at
 _DEPTH_TOLERANCE = 3.0  # pixels
+_BENT = 6.0  # times that, for a surface that bends away
+_NEARLY = 0.26  # sine of the angle from corner to corner of an aspect
 
 
 class Drawn(NamedTuple):
@@ -35,6 +38,7 @@ class Drawn(NamedTuple):
         vertices: Corner points [m], shape (V, 3).
         triangles: Their corners, shape (T, 3).
         triangle_faces: The face of each, shape (T,).
+        patches: The smooth surface that each face is a part of, shape (F,).
         normals: Of the faces, shape (F, 3).
         centers: Of the faces [m], shape (F, 3).
         middle: The point that all cameras look at [m], shape (3,).
@@ -44,6 +48,7 @@ class Drawn(NamedTuple):
     vertices: Array
     triangles: IntArray
     triangle_faces: IntArray
+    patches: IntArray
     normals: Array
     centers: Array
     middle: Array
@@ -201,7 +206,7 @@ def draw(camera: Camera, drawn: Drawn, canvas: Canvas) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def is_seen(camera: Camera, canvas: Canvas, point: Array, face: int) -> bool:
+def is_seen(camera: Camera, canvas: Canvas, drawn: Drawn, point: Array, face: int) -> bool:
     """Whether a point of a face that looks at the camera is hidden by nothing."""
     n = len(canvas.faces)
     u, v, z = project(camera, point, 0.5 * n)
@@ -215,8 +220,9 @@ def is_seen(camera: Camera, canvas: Canvas, point: Array, face: int) -> bool:
             depth = 1.0 / canvas.closeness[i, j]
             if depth > z - tolerance:
                 return True
-            # A face that is seen obliquely is much nearer or farther beside the point.
-            if there == face:
+            # A surface that is seen obliquely is much nearer or farther beside the point.
+            near = drawn.patches[there] == drawn.patches[face] and depth > z - _BENT * tolerance
+            if there == face or near:
                 return True
     return False
 
@@ -268,7 +274,7 @@ def survey_row(grid: int, row: int, drawn: Drawn, marks: Marks, survey: Survey) 
         for p in range(len(marks.inside)):
             face = marks.inside_faces[p]
             if facing[k, face]:
-                hidden[k, p] = not is_seen(camera, canvas, marks.inside[p], face)
+                hidden[k, p] = not is_seen(camera, canvas, drawn, marks.inside[p], face)
         for q in range(len(marks.edges)):
             states[k, q] = _edge_state(camera, canvas, drawn, marks, q, facing[k])
 
@@ -287,9 +293,15 @@ def _edge_state(
     if not (facing[first] or facing[second]):
         return 0
     crease = facing[first] and facing[second]
-    if crease and marks.alike[marks.kinds[first], marks.kinds[second]]:
-        return 0
     point, eye = marks.edges[q], camera.place
+    if crease and marks.alike[marks.kinds[first], marks.kinds[second]]:
+        toward, apart = 0.0, 0.0
+        for axis in range(3):
+            toward += drawn.normals[first, axis] * (eye[axis] - point[axis])
+            apart += (eye[axis] - point[axis]) ** 2
+        if toward * toward > _NEARLY**2 * apart or is_seen(camera, canvas, drawn, point, first):
+            return 0
+        return HIDDEN
     state = CREASE
     inside = first
     if not crease:
@@ -313,7 +325,7 @@ def _edge_state(
     n /= math.sqrt((n**2).sum())
     if (n * m).sum() > 0.0:
         n = -n
-    if not is_seen(camera, canvas, point + _BESIDE * pixel * m, inside):
+    if not is_seen(camera, canvas, drawn, point + _BESIDE * pixel * m, inside):
         return state
     if state == CREASE:
         return state | FREE

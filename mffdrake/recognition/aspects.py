@@ -7,6 +7,7 @@ an aspect is what holds at all of its corners. A pose's aspect is then looked up
 
 from __future__ import annotations
 
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
@@ -28,6 +29,8 @@ Flags = NDArray[np.bool_]
 
 GRID = 32  # aspects along and across, 6 degrees wide
 _PIECES = 40  # Edges are looked at in so many places over the solid's size, ...
+_MOST_BENDS = 1000  # of curved surfaces, in an aspect
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _MOST_PIECES = 6000  # but, where they are many, in about so many in all.
 
 
@@ -108,16 +111,17 @@ def _draw_outlines(solid: SolidModel, alike: Flags, counts: IntArray) -> Outline
     piece = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = (piece + 0.5) / counts[edge]
     points = ends[edge, 0] + share[:, None] * (ends[edge, 1] - ends[edge, 0])
-    states = _survey(
+    _, states, facing = _survey(
         solid, alike, np.empty((0, 3)), np.empty(0, dtype=np.int64), edge, points, np.empty(0)
-    ).states
+    )
 
     from mffdrake.recognition import _aspects  # numba: slow to import
 
     relevant = (states & (_aspects.CONTOUR | _aspects.CREASE)) > 0
     free = (states & _aspects.FREE) > 0
-    some, bad = _of_corners(relevant), _of_corners(relevant & ~free)
-    allowed = some & ~bad
+    hidden = (states & _aspects.HIDDEN) > 0
+    some, bad = _of_corners(relevant), _of_corners((relevant & ~free) | hidden)
+    allowed = (some | _find_silhouettes(solid, facing)[:, edge]) & ~bad
     # Runs of neighboring pieces of an edge
     padded = np.pad(allowed, ((0, 0), (1, 1)))
     ahead = np.concatenate([[False], edge[1:] == edge[:-1], [False]])
@@ -140,6 +144,18 @@ def _draw_outlines(solid: SolidModel, alike: Flags, counts: IntArray) -> Outline
         GRID, start, number.reshape(-1), cut, solid.edge_faces[of_edge],
         solid.edge_inward[of_edge], stops, solid.smooth[of_edge],
     )  # fmt: skip
+
+
+def _find_silhouettes(solid: SolidModel, facing: Flags) -> Flags:
+    """Which bends of curved surfaces are silhouettes somewhere in an aspect, shape (A, E).
+
+    They need not be one at its corners. Of very many, enough are taken.
+    """
+    first, second = facing[:, solid.edge_faces].transpose(2, 0, 1)
+    found = _of_corners(first | second) & _of_corners(~(first & second)) & solid.smooth
+    chance = np.mod(np.arange(len(solid.smooth)) * _GOLDEN, 1.0)  # the same at each call
+    share = _MOST_BENDS / np.maximum(found.sum(axis=1), 1)
+    return np.asarray(found & (chance < share[:, None]))
 
 
 def find_visibility(model: SearchModel, alike: Flags) -> Visibility:
@@ -205,8 +221,8 @@ def as_drawn(solid: SolidModel) -> Drawn:
     radius = float(np.linalg.norm(solid.vertices - middle, axis=1).max())
     vertices, index = np.unique(solid.triangles.reshape(-1, 3), axis=0, return_inverse=True)
     return Drawn(
-        vertices, index.reshape(-1, 3), solid.triangle_faces, solid.normals, solid.centers,
-        middle, radius,
+        vertices, index.reshape(-1, 3), solid.triangle_faces, solid.patches, solid.normals,
+        solid.centers, middle, radius,
     )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ class Portrait:
         arms = camera.place - model.inside_points
         facing = np.einsum("nk,nk->n", solid.normals[owners], arms) > 0.0
         seen = [
-            facing[k] and _aspects.is_seen(camera, canvas, point, owners[k])
+            facing[k] and _aspects.is_seen(camera, canvas, drawn, point, owners[k])
             for k, point in enumerate(model.inside_points)
         ]
         empty = cls(

@@ -67,3 +67,10 @@ def test_a_ball_of_one_color_has_a_place(tmp_path):
     assert str(result.symmetries) == "any turn"
     assert np.median(distance) < 2e-3 and distance.max() < 6e-3
     assert result.is_tracking.mean() > 0.9
+
+
+def test_what_is_round_everywhere_is_placed_by_its_outline(tmp_path):
+    mesh = trimesh.creation.capsule(0.1, 0.04, count=[32, 32])
+    distance, result = track(painted(mesh, tmp_path / "pill.sdf", 240, 120, 0), duration=0.6)
+    assert np.median(distance) < 7e-4 and distance.max() < 3e-3
+    assert result.is_tracking.mean() > 0.9

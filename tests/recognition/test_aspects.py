@@ -5,6 +5,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+import trimesh
 
 from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
 
@@ -149,3 +150,22 @@ def test_nothing_is_compiled_anew_for_a_solid_of_another_kind():
         return [numba.typeof(struct) for struct in Matcher(model, CameraRig.stereo())._structs]
 
     assert types("target_box") == types("l_block") == types("mug")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nearly_all_of_a_smooth_outline_is_looked_at(seed):
+    """No bend is an outline from a corner of an aspect and all over it."""
+    triangles = trimesh.creation.icosphere(3).triangles * [0.05, 0.07, 0.09]
+    names = len(triangles) * ["red"]
+    solid = SolidModel.from_triangles(triangles, np.zeros(len(triangles)), names)
+    outlines = Matcher(SearchModel(solid), CameraRig.stereo())._structs[0].outlines
+    shares = []
+    for eye, _ in eyes(solid, seed):
+        first, second = facing(solid, eye)[solid.edge_faces].T
+        edges = solid.vertices[solid.edges[first != second]]
+        way = (eye - solid.vertices.mean(axis=0)).tolist()
+        taken = parts(outlines.start, outlines.segments, _aspects.aspect_of(*way, outlines.grid))
+        known = {tuple(np.sort(ends.round(9), axis=0).ravel()) for ends in outlines.ends[taken]}
+        found = [tuple(np.sort(ends.round(9), axis=0).ravel()) in known for ends in edges]
+        shares.append(np.mean(found))
+    assert np.mean(shares) > 0.85 and min(shares) > 0.6
