@@ -110,16 +110,16 @@ def test_segments_are_in_full_view(known):
     wrong = right = 0
     for eye, direction in eyes(solid, 2):
         aspect = _aspects.aspect_of(*direction, outlines.grid)
-        looks = facing(solid, eye)
+        looks, points = facing(solid, eye), []
         for segment in parts(outlines.start, outlines.segments, aspect):
             seen = looks[outlines.faces[segment]]
             if not seen.any() or (outlines.smooth[segment] and seen.all()):
                 continue
             into = outlines.inward[segment, int(not seen[0])]
             a, b = outlines.ends[segment]
-            points = a + np.array([[0.1], [0.5], [0.9]]) * (b - a) + 2e-3 * into
-            hidden = first_hit(solid, eye, points) < 1.0 - 1e-3
-            wrong, right = wrong + hidden.sum(), right + (~hidden).sum()
+            points.append(a + np.array([[0.1], [0.5], [0.9]]) * (b - a) + 2e-3 * into)
+        hidden = first_hit(solid, eye, np.concatenate(points)) < 1.0 - 1e-3
+        wrong, right = wrong + hidden.sum(), right + (~hidden).sum()
     assert right > 5 * DIRECTIONS and wrong <= 0.02 * right
 
 
