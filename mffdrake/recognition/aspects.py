@@ -29,9 +29,9 @@ Flags = NDArray[np.bool_]
 
 GRID = 32  # aspects along and across, 6 degrees wide
 _PIECES = 40  # Edges are looked at in so many places over the solid's size, ...
+_MOST_PIECES = 6000  # but, where they are many, in about so many in all.
 _MOST_BENDS = 1000  # of curved surfaces, in an aspect
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-_MOST_PIECES = 6000  # but, where they are many, in about so many in all.
 
 
 class Outlines(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,11 +73,11 @@ class Portrait:
             facing[k] and _aspects.is_seen(camera, canvas, drawn, point, owners[k])
             for k, point in enumerate(model.inside_points)
         ]
-        empty = cls(
+        portrait = cls(
             canvas.faces, np.empty((0, 2)), camera.axes, camera.place, camera.focal, distance
         )
-        points = empty.project(model.inside_points[np.array(seen, dtype=bool)])
-        return cls(canvas.faces, points, camera.axes, camera.place, camera.focal, distance)
+        shown = model.inside_points[np.array(seen, dtype=bool)]
+        return replace(portrait, points=portrait.project(shown))
 
     def project(self, points: Array) -> Array:
         """Pixel coordinates of points [m], shape (N, 2)."""

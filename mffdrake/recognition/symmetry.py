@@ -253,6 +253,7 @@ def find_symmetries(solid: SolidModel) -> Symmetries:
     return Symmetries(turns, np.array(free).reshape(-1, 3), surface.center)
 
 
+@lru_cache(maxsize=16)  # as `find_symmetries`
 def find_look_alikes(solid: SolidModel) -> Turns:
     """Turns by which a solid looks the same from some sides, but not from all.
 

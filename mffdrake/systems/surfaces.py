@@ -193,19 +193,19 @@ def _ReadMesh(shape: Mesh, properties: PerceptionProperties) -> Surface:
 
 
 def _IsConvex(vertices: Array, triangles: IntArray) -> bool:
-    """Whether triangles enclose a convex solid, all facing outward.
+    """Whether triangles of distinct vertices enclose a convex solid, all facing outward.
 
     False, for a mesh too large to tell, only makes drawing slower.
     """
     if len(vertices) * len(triangles) > _MOST_TESTS:
         return False
-    unique, index = np.unique(vertices, axis=0, return_inverse=True)
-    corners = index.reshape(-1)[triangles]
-    sides = [tuple(side) for k in range(3) for side in np.roll(corners, k, axis=1)[:, :2].tolist()]
+    sides = [
+        tuple(side) for k in range(3) for side in np.roll(triangles, k, axis=1)[:, :2].tolist()
+    ]
     if len(set(sides)) < len(sides) or set(sides) != {(b, a) for a, b in sides}:
         return False
-    a, b, c = unique[corners].transpose(1, 0, 2)
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
-    heights = normals @ unique.T - np.sum(normals * a, axis=1)[:, None]
-    size = float(np.ptp(unique, axis=0).max())
+    heights = normals @ vertices.T - np.sum(normals * a, axis=1)[:, None]
+    size = float(np.ptp(vertices, axis=0).max())
     return bool(np.all(heights <= 1e-6 * size * np.linalg.norm(normals, axis=1)[:, None]))
