@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from mffdrake.experiment.scenario import Scenario
 from mffdrake.systems.clutter.occluder import Occluder
-from mffdrake.systems.disturbances.black import Black
-from mffdrake.systems.disturbances.frozen import Frozen
+from mffdrake.systems.disturbances.missing_images import Black, Frozen
 
 __all__ = ["RECOVERY", "CalcRecovery", "OutageEnd"]
 

@@ -10,8 +10,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import BorderRules, Borders
-from mffdrake.recognition._edge_lines import Lines, move, move_lines
-from mffdrake.recognition._linear import compare, factor, hold_free, solve
+from mffdrake.recognition._cholesky import factor, solve
+from mffdrake.recognition._edge_lines import Lines, move_lines
+from mffdrake.recognition._linear import compare, hold_free
+from mffdrake.recognition._rotations import move
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]

@@ -13,8 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import Line, Lines, cross, edge_lines, rotation
+from mffdrake.recognition._edge_lines import Line, Lines, cross, edge_lines
 from mffdrake.recognition._lens import Eye, pixel
+from mffdrake.recognition._rotations import rotation
 from mffdrake.recognition._structs import ColorGate, Placed, Scene, Solid, new_placed, place
 
 Array = NDArray[np.float64]

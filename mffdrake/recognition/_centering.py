@@ -19,8 +19,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import BORDER, Borders
+from mffdrake.recognition._cholesky import factor, invert, solve
 from mffdrake.recognition._edge_lines import Lines
-from mffdrake.recognition._linear import compare, factor, hold_free, invert, solve
+from mffdrake.recognition._linear import compare, hold_free
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]

@@ -6,7 +6,6 @@ coordinates it is a straight line; in the image the lens bends it.
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,6 +23,7 @@ from mffdrake.recognition._lens import (
     pixel_jacobian,
     turned_back,
 )
+from mffdrake.recognition._rotations import rotation
 from mffdrake.recognition._structs import Solid, new_placed, place
 
 Array = NDArray[np.float64]
@@ -53,47 +53,6 @@ LINE = np.dtype(
     ]
 )
 """The line of a slot."""
-
-
-@njit(cache=True, error_model="numpy")
-def rotation(eps: Array) -> Array:
-    """Rotation matrix of a quaternion's vector part, shape (3, 3)."""
-    e1, e2, e3 = eps[0], eps[1], eps[2]
-    eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
-    R = np.empty((3, 3))
-    R[0, 0], R[1, 1], R[2, 2] = (
-        1 - 2 * (e2 * e2 + e3 * e3),
-        1 - 2 * (e1 * e1 + e3 * e3),
-        1 - 2 * (e1 * e1 + e2 * e2),
-    )
-    R[0, 1], R[1, 0] = 2 * (e1 * e2 - eta * e3), 2 * (e1 * e2 + eta * e3)
-    R[0, 2], R[2, 0] = 2 * (e1 * e3 + eta * e2), 2 * (e1 * e3 - eta * e2)
-    R[1, 2], R[2, 1] = 2 * (e2 * e3 - eta * e1), 2 * (e2 * e3 + eta * e1)
-    return R
-
-
-@njit(cache=True, error_model="numpy")
-def move(pose: Array, step: Array) -> Array:
-    """A pose moved by a translation and a rotation vector, both in the rig's frame, shape (6,).
-
-    The target turns about its own origin: R becomes exp(S(step[3:])) R.
-    """
-    moved = pose.copy()
-    for i in range(3):
-        moved[i] += step[i]
-    a1, a2, a3 = step[3:]
-    angle = math.sqrt(a1 * a1 + a2 * a2 + a3 * a3)
-    half = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
-    d0, d1, d2, d3 = math.cos(0.5 * angle), half * a1, half * a2, half * a3
-    e1, e2, e3 = pose[3:]
-    e0 = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
-    q0 = d0 * e0 - d1 * e1 - d2 * e2 - d3 * e3
-    q1 = d0 * e1 + e0 * d1 + d2 * e3 - d3 * e2
-    q2 = d0 * e2 + e0 * d2 + d3 * e1 - d1 * e3
-    q3 = d0 * e3 + e0 * d3 + d1 * e2 - d2 * e1
-    norm = math.copysign(math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3), q0)
-    moved[3], moved[4], moved[5] = q1 / norm, q2 / norm, q3 / norm
-    return moved
 
 
 @njit(cache=True, error_model="numpy")

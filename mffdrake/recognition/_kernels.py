@@ -9,8 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._aspects import aspect_of
-from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._lens import NO_DISTORTION, Eye, Image, distort, magnification
+from mffdrake.recognition._rotations import rotation
 from mffdrake.recognition._structs import (
     ColorGate,
     Placed,

@@ -5,14 +5,13 @@ Moves have six components: translation and rotation vector, both in the rig's fr
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._borders import Borders
-from mffdrake.recognition._edge_lines import Lines, cross, cross_jacobians, rotation
+from mffdrake.recognition._edge_lines import Lines, cross, cross_jacobians
+from mffdrake.recognition._rotations import rotation
 from mffdrake.recognition._structs import Scene, Solid
 
 Array = NDArray[np.float64]
@@ -32,49 +31,6 @@ def hold_free(N: Array, pose: Array, solid: Solid) -> None:
         for i in range(3):
             for j in range(i + 1):
                 N[3 + i, 3 + j] += turn[i] * turn[j] / _HELD**2
-
-
-@njit(cache=True, error_model="numpy")
-def factor(N: Array, L: Array) -> bool:
-    """Cholesky factor L of a symmetric matrix, from its lower half; false if it is singular."""
-    for i in range(6):
-        for j in range(i + 1):
-            total = N[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i > j:
-                L[i, j] = total / L[j, j]
-            elif total > 1e-9 * N[i, i]:
-                L[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def solve(L: Array, b: Array) -> Array:
-    """Solution x of L L^T x = b."""
-    x = b.copy()
-    for i in range(6):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
-    return x
-
-
-@njit(cache=True, error_model="numpy")
-def invert(L: Array) -> Array:
-    """Inverse of L L^T, shape (6, 6)."""
-    inverse, unit = np.empty((6, 6)), np.zeros(6)
-    for i in range(6):
-        unit[:] = 0.0
-        unit[i] = 1.0
-        inverse[:, i] = solve(L, unit)
-    return inverse
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._aspects import Camera, Canvas, Drawn, draw
-from mffdrake.recognition._edge_lines import rotation
+from mffdrake.recognition._rotations import multiply, rotation
 from mffdrake.recognition._structs import Solid
 
 Array = NDArray[np.float64]
@@ -202,17 +202,6 @@ def _ahead(R: Array, point: Array, middle: Array, distance: float) -> tuple[floa
         (R[0, 0] * a + R[0, 1] * b + R[0, 2] * c) / z,
         (R[1, 0] * a + R[1, 1] * b + R[1, 2] * c) / z,
     )
-
-
-@njit(cache=True, error_model="numpy")
-def multiply(a: Array, b: Array) -> Array:
-    """Product of quaternions with the scalar part first; its scalar part is made positive."""
-    q = np.empty(4)
-    q[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    q[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    q[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    q[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
-    return -q if q[0] < 0.0 else q
 
 
 @njit(cache=True, error_model="numpy")

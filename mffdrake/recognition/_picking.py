@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._proposals import Sources
+from mffdrake.recognition._rotations import rotation
 from mffdrake.recognition._structs import Scene, new_placed, place
 from mffdrake.recognition.solid_model import Facets
 

@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition._edge_lines import rotation
-from mffdrake.recognition._linear import factor, solve
-from mffdrake.recognition._looks import multiply
+from mffdrake.recognition._cholesky import factor, solve
+from mffdrake.recognition._rotations import multiply, rotation
 
 Array = NDArray[np.float64]
 

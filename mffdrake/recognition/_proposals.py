@@ -14,9 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition._blobs import Blobs, turn_along
-from mffdrake.recognition._edge_lines import rotation
 from mffdrake.recognition._lens import Eye, in_view, turned_back
-from mffdrake.recognition._looks import Looks, find_alike, multiply
+from mffdrake.recognition._looks import Looks, find_alike
+from mffdrake.recognition._rotations import multiply, rotation
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

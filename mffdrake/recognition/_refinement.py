@@ -24,8 +24,10 @@ from mffdrake.recognition._border_steps import (
 )
 from mffdrake.recognition._borders import BorderRules, Borders, Stage, find_borders, find_jumps
 from mffdrake.recognition._centering import center
-from mffdrake.recognition._edge_lines import Lines, edge_lines, move
-from mffdrake.recognition._linear import compare, factor, hold_free, invert, solve
+from mffdrake.recognition._cholesky import factor, invert, solve
+from mffdrake.recognition._edge_lines import Lines, edge_lines
+from mffdrake.recognition._linear import compare, hold_free
+from mffdrake.recognition._rotations import move
 from mffdrake.recognition._structs import Scene
 
 Array = NDArray[np.float64]

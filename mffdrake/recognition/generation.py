@@ -69,9 +69,9 @@ class Generation:
         Args:
             motion: Of the target by now; the generation's is that before.
         """
-        from mffdrake.recognition import _transport  # numba: slow to import
+        from mffdrake.recognition import _rotations  # numba: slow to import
 
         assert self.motion is not None
         poses = np.ascontiguousarray(self.poses)
-        poses = _transport.transport_along(poses, self.motion.pose, motion.pose)
+        poses = _rotations.transport_along(poses, self.motion.pose, motion.pose)
         return dc.replace(self, poses=poses, motion=motion)

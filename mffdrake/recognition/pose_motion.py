@@ -143,12 +143,12 @@ def transport_pose(psi: ArrayLike, R_DC: ArrayLike, p_DC: ArrayLike) -> Array:
         >>> transport_pose([0, 0, 0.8, 0, 0, 0], np.eye(3), [0.01, 0, 0])[:3]
         array([0.01, 0.  , 0.8 ])
     """
-    from mffdrake.recognition import _transport  # numba: slow to import
+    from mffdrake.recognition import _rotations  # numba: slow to import
 
     psi = np.asarray(psi, dtype=float)
     R_DC, p_DC = np.array(R_DC, dtype=float), np.array(p_DC, dtype=float)
     poses = np.array(psi.reshape(-1, 6))
-    moved: Array = _transport.transport(poses, R_DC, p_DC, quaternion_vector(R_DC))
+    moved: Array = _rotations.transport(poses, R_DC, p_DC, quaternion_vector(R_DC))
     return moved.reshape(psi.shape)
 
 

@@ -14,6 +14,7 @@ from mffdrake.recognition import (
     _centering,
     _edge_lines,
     _linear,
+    _rotations,
 )
 from mffdrake.recognition import _borders as borders_module
 from mffdrake.recognition.pose_motion import rotate_by
@@ -102,11 +103,11 @@ def test_the_center_does_not_depend_on_where_the_steps_begin():
     psi = some_pose(rng, 1.0)
     scene, lines, borders = found(psi, render(BOX, psi, RIG))
     _, x, covariance = _centering.center(psi, lines, borders, scene)
-    start = _edge_lines.move(psi, np.linalg.cholesky(covariance) @ rng.normal(size=6))
+    start = _rotations.move(psi, np.linalg.cholesky(covariance) @ rng.normal(size=6))
     _edge_lines.move_lines(lines, start, scene.solid, scene.views, True)
     centered, y, _ = _centering.center(start, lines, borders, scene)
     assert centered
-    one, other = _edge_lines.move(psi, x), _edge_lines.move(start, y)
+    one, other = _rotations.move(psi, x), _rotations.move(start, y)
     apart = one - other
     spread = np.sqrt(np.diag(covariance))
     assert (np.abs(apart[:3]) < 0.1 * spread[:3]).all()

@@ -47,6 +47,7 @@ from mffdrake.recognition.pose_motion import rotate_by, transport_pose
 _borders = pytest.importorskip("mffdrake.recognition._borders")
 _edge_lines = pytest.importorskip("mffdrake.recognition._edge_lines")
 _refinement = pytest.importorskip("mffdrake.recognition._refinement")
+_rotations = pytest.importorskip("mffdrake.recognition._rotations")
 
 BOX, PRISM, TETRAHEDRON = paper_box(), hexagonal_prism(), tetrahedron()
 SOLIDS = {"box": BOX, "prism": PRISM, "tetrahedron": TETRAHEDRON}
@@ -206,11 +207,11 @@ def test_a_move_turns_the_target_about_its_origin_by_a_vector_of_the_cameras_fra
     rng = np.random.default_rng(2)
     for _ in range(20):
         step = rng.normal(size=6) * [0.1, 0.1, 0.1, 0.8, 0.8, 0.8]
-        moved = _edge_lines.move(TRUTH, step)
+        moved = _rotations.move(TRUTH, step)
         np.testing.assert_allclose(moved[:3], TRUTH[:3] + step[:3])
         expected = compose_quaternion_vectors(rotate_by(step[3:]), TRUTH[3:])
         np.testing.assert_allclose(moved[3:], expected, atol=1e-12)
-    np.testing.assert_array_equal(_edge_lines.move(TRUTH, np.zeros(6))[:3], TRUTH[:3])
+    np.testing.assert_array_equal(_rotations.move(TRUTH, np.zeros(6))[:3], TRUTH[:3])
 
 
 @rigs
@@ -226,7 +227,7 @@ def test_the_jacobian_is_the_numerical_derivative(name, rig):
             step[i] = sign * h
             assert _edge_lines.move_lines(
                 moved[i, sign],
-                _edge_lines.move(psi, step),
+                _rotations.move(psi, step),
                 struct_of(solid, rig),
                 views,
                 True,
