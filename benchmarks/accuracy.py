@@ -11,7 +11,7 @@ from pathlib import Path
 import accuracy_images
 import accuracy_runs
 
-from mffdrake.experiment.files import WholeFile
+from mffdrake.recognition.recordings.files import WholeFile
 
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 

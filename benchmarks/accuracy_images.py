@@ -19,10 +19,15 @@ from tables import markdown
 from tqdm import tqdm
 
 import mffdrake as mff
-from mffdrake.recognition import BorderRefiner, _edge_lines
-from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_angle, rotation_matrix
-from mffdrake.recognition.pose_motion import rotate_by
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS
+from mffdrake.recognition import BorderRefiner
+from mffdrake.recognition.poses.pose import (
+    compose_quaternion_vectors,
+    rotation_angle,
+    rotation_matrix,
+)
+from mffdrake.recognition.poses.pose_motion import rotate_by
+from mffdrake.recognition.refinement import edge_lines
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS
 
 SEED = 900  # apart from those that the parameters were tuned on
 POSES = {320: 200, 640: 200, 1280: 60}
@@ -101,7 +106,7 @@ def bound(solid: mff.SolidModel, rig: mff.CameraRig, psi: np.ndarray, noise: flo
     """Cramer-Rao bound of the covariance of (position, rotation vector)."""
     nothing = [np.zeros((camera.height, camera.width, 3), dtype=np.uint8) for camera in rig.cameras]
     struct = mff.Matcher(mff.SearchModel(solid), rig).struct
-    lines = _edge_lines.edge_lines(psi, struct, rig.views(nothing))
+    lines = edge_lines.edge_lines(psi, struct, rig.views(nothing))
     R, information = rotation_matrix(psi[3:]), np.zeros((6, 6))
     grey = np.full(3, GREY)
     colors = 255.0 * np.array(
@@ -122,8 +127,8 @@ def bound(solid: mff.SolidModel, rig: mff.CameraRig, psi: np.ndarray, noise: flo
             along = np.arange(math.ceil(least), greatest)
             across, x, y = np.empty((3, len(along)))
             J = np.empty((len(along), 6))
-            _edge_lines.cross(camera.eye, line, along, across, x, y)
-            _edge_lines.cross_jacobians(camera.eye, line, x, y, psi, J)
+            edge_lines.cross(camera.eye, line, along, across, x, y)
+            edge_lines.cross_jacobians(camera.eye, line, x, y, psi, J)
             information += J.T @ J * contrast / noise**2
     return np.linalg.inv(information)
 

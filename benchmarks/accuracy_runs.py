@@ -11,10 +11,10 @@ import numpy as np
 from tables import markdown
 from tqdm import tqdm
 
-from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.recognition.poses.pose import rotation_angle
 
 SHAKING = Path(__file__).parents[1] / "scenarios" / "shaking_hand.yaml"
 SEEDS = {"flat": 20, "vtk": 5}

@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 from processes import call_all
 from tables import markdown
 
-from mffdrake.experiment.files import WholeFile
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.scenario import Change, Scenario
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.scenario.scenario import Change, Scenario
+from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition import (
     RefinementParameters,
     RobustTracker,
     TrackerParameters,
 )
-from mffdrake.recognition.confidence import RIGHT_POSITION, RIGHT_ROTATION
-from mffdrake.recognition.generation import Generation
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle, transform_from_pose
-from mffdrake.recognition.symmetry import Symmetries, find_symmetries
+from mffdrake.recognition.genetic.generation import Generation
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle, transform_from_pose
+from mffdrake.recognition.recordings.files import WholeFile
+from mffdrake.recognition.solid.symmetry import Symmetries, find_symmetries
+from mffdrake.recognition.tracking.confidence import RIGHT_POSITION, RIGHT_ROTATION
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
 import mffdrake as mff
-from mffdrake.recognition.pose import rotation_matrix
+from mffdrake.recognition.poses.pose import rotation_matrix
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 from processes import call_all
 from tables import markdown
 
-from mffdrake.experiment.files import WholeFile
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.scenario import Change, LoadScenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel, kept
-from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.symmetry import find_symmetries
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
+from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.recordings.files import WholeFile
+from mffdrake.recognition.solid import kept
+from mffdrake.recognition.solid.symmetry import find_symmetries
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("target_box", "wedge", "hexagonal_prism", "l_block", "notched_box", "hammer", "mug")

@@ -28,12 +28,12 @@ from robustness_conditions import MOTIONS, conditions, motion, texts
 from robustness_page import METHODS, percent
 from tables import markdown
 
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.plotting import SaveFigure
-from mffdrake.experiment.scenario import Change
-from mffdrake.recognition.acquisition import AcquisitionParameters
-from mffdrake.recognition.confidence import WEIGHTS
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.scenario.scenario import Change
+from mffdrake.experiment.simulation.plotting import SaveFigure
+from mffdrake.recognition.acquisition.acquisition import AcquisitionParameters
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
+from mffdrake.recognition.tracking.confidence import WEIGHTS
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ With `recognizer: {{refinement: borders}}` the tracker tells of every pose that 
 
 ## What it is made of
 
-A logistic function of these features, each at least 0 and 0 where nothing speaks against the pose (`mffdrake.recognition.confidence.features`). No weight but the constant's may be positive: more that speaks against a pose never makes it likelier. {fitted}
+A logistic function of these features, each at least 0 and 0 where nothing speaks against the pose (`mffdrake.recognition.tracking.confidence.features`). No weight but the constant's may be positive: more that speaks against a pose never makes it likelier. {fitted}
 
 {weights}
 

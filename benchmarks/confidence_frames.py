@@ -11,11 +11,16 @@ from acquisition import errors, make_tracker, show
 from acquisition_images import SOLIDS, Case, Renderer, disturb
 from numpy.typing import NDArray
 
-from mffdrake.experiment.evaluation import IsRight
-from mffdrake.experiment.scenario import Scenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition import robust_tracker
-from mffdrake.recognition.confidence import (
+from mffdrake.experiment.scenario.scenario import Scenario
+from mffdrake.experiment.simulation.evaluation import IsRight
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.recognition.poses.pose import compose_quaternion_vectors
+from mffdrake.recognition.poses.pose_filter import body_covariance
+from mffdrake.recognition.poses.pose_motion import rotate_by
+from mffdrake.recognition.poses.tracking_state import TrackingState
+from mffdrake.recognition.solid.symmetry import find_symmetries
+from mffdrake.recognition.tracking import robust_tracker
+from mffdrake.recognition.tracking.confidence import (
     RIGHT_POSITION,
     RIGHT_ROTATION,
     WEIGHTS,
@@ -23,11 +28,6 @@ from mffdrake.recognition.confidence import (
     confidence,
     features,
 )
-from mffdrake.recognition.pose import compose_quaternion_vectors
-from mffdrake.recognition.pose_filter import body_covariance
-from mffdrake.recognition.pose_motion import rotate_by
-from mffdrake.recognition.symmetry import find_symmetries
-from mffdrake.recognition.tracking_state import TrackingState
 
 Array = NDArray[np.float64]
 

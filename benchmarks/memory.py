@@ -8,8 +8,8 @@ import resource
 
 from tables import markdown
 
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
 
 RUNS = 100
 

@@ -20,9 +20,9 @@ from tables import markdown
 from tqdm import tqdm
 
 import mffdrake as mff
-from mffdrake.experiment.recordings.color_file import LearnColors
-from mffdrake.experiment.recordings.image_files import ReadImage, ReadMask
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.recordings.color_file import LearnColors
+from mffdrake.recognition.recordings.image_files import ReadImage, ReadMask
 
 CAMERAS = ("60", "180", "300")
 SEEDS = 20

@@ -20,10 +20,10 @@ from pydrake.systems.framework import DiagramBuilder
 from tables import markdown, median_ms
 
 import mffdrake as mff
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.recognition.pose import compose_quaternion_vectors, rotation_matrix
-from mffdrake.recognition.pose_motion import rotate_by
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.poses.pose import compose_quaternion_vectors, rotation_matrix
+from mffdrake.recognition.poses.pose_motion import rotate_by
 
 GENERATIONS = 300
 DEFAULT = {"population": 60, "spacing": 0.020, "width": 640}

@@ -15,8 +15,8 @@ from pydrake.systems.framework import DiagramBuilder
 from tables import markdown
 
 import mffdrake as mff
-from mffdrake.systems.flat_renderer import AddFlatRenderer
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS
+from mffdrake.systems.rendering.flat_renderer import AddFlatRenderer
 
 ADDERS = {"vtk": mff.AddRenderer, "flat": AddFlatRenderer}
 PAIRS = {"vtk": 20, "flat": 300}

@@ -17,7 +17,7 @@ import simulation
 import sweeps
 from tqdm import tqdm
 
-from mffdrake.experiment.files import WholeFile
+from mffdrake.recognition.recordings.files import WholeFile
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 

@@ -19,14 +19,14 @@ import robustness_page
 import robustness_picture
 from robustness_conditions import MOTIONS, Condition, conditions, motion
 
-from mffdrake.experiment.evaluation import WriteCsv
-from mffdrake.experiment.executors import Executor, Outcome
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.grid import Grid, MakeGrid
-from mffdrake.experiment.local_processes import LocalProcesses, UsableCores
-from mffdrake.experiment.progress import RunBar
-from mffdrake.experiment.sweep import Sweep
+from mffdrake.experiment.commands.progress import RunBar
+from mffdrake.experiment.runs.executors.executors import Executor, Outcome
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses, UsableCores
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.runs.grid import Grid, MakeGrid
+from mffdrake.experiment.runs.sweep import Sweep
+from mffdrake.experiment.simulation.evaluation import WriteCsv
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 
 ROOT = Path(__file__).parents[1]
 FIRST_SEED = 1000  # apart from those that the parameters were tuned on

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mffdrake.experiment.scenario import Change, LoadScenario, Scenario
-from mffdrake.experiment.yaml_text import ReadYaml
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
+from mffdrake.recognition.parameters.yaml_text import ReadYaml
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 MODERATE = "all together"

@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
-from mffdrake.experiment.pictures import DrawCameraView, DrawScene
-from mffdrake.experiment.scenario import Change
-from mffdrake.experiment.servo_command import ServoDefaults
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.commands.servo_command import ServoDefaults
+from mffdrake.experiment.scenario.scenario import Change
+from mffdrake.experiment.simulation.pictures import DrawCameraView, DrawScene
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 
 PERIOD = 5.0  # [s]
 EVERY = 3  # frames of the simulation are one of the animation

@@ -20,13 +20,13 @@ from processes import call_all
 from servoing_plots import bode, decay, stability
 from tables import markdown
 
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.plotting import SaveFigure
-from mffdrake.experiment.scenario import Change, Scenario
-from mffdrake.experiment.servo_command import ServoDefaults
-from mffdrake.experiment.servo_evaluation import CalcHandErrors, EvaluateServo
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.commands.servo_command import ServoDefaults
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.scenario.scenario import Change, Scenario
+from mffdrake.experiment.simulation.plotting import SaveFigure
+from mffdrake.experiment.simulation.servo_evaluation import CalcHandErrors, EvaluateServo
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 
 METHODS = ("ga", "mff")
 FIRST_SEED = 300

@@ -8,8 +8,8 @@ only slow one down.
 
 from tables import markdown
 
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
 
 WIDTHS = (320, 640, 1280)
 DURATIONS = {"flat": 10.0, "vtk": 3.0}

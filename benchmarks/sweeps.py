@@ -9,9 +9,9 @@ import time
 
 from tables import markdown
 
-from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
 
 RUNS = 8
 DURATION = 40.0

@@ -2,7 +2,7 @@
 
 import sys
 
-from mffdrake.experiment.main import main
+from mffdrake.experiment.commands.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

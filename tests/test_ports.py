@@ -21,9 +21,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, PortD
 from pydrake.systems.sensors import ImageRgba8U
 
 import mffdrake
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.visualization import PoseEstimateVisualizer
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition import (
     BLUE,
     GREEN,
@@ -36,27 +35,28 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.mesh_file import ColoredMesh
-from mffdrake.systems.camera_delay import GeometryPoser
+from mffdrake.recognition.solid.mesh_file import ColoredMesh
+from mffdrake.systems.arms.models import FindModelsPath
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10, MakePa10Plant
+from mffdrake.systems.cameras.camera_delay import GeometryPoser
+from mffdrake.systems.cameras.lens import LensDistortion
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
 from mffdrake.systems.clutter.moving_shapes import MovingShapes
+from mffdrake.systems.control.joint_encoders import JointEncoders
+from mffdrake.systems.control.pd_controller import PdController
+from mffdrake.systems.control.visual_servo import VisualServoController
 from mffdrake.systems.disturbances import Frozen, GaussianNoise
 from mffdrake.systems.disturbances.image_disturbance import PixelFilter
 from mffdrake.systems.disturbances.image_memory import ImageMemory
-from mffdrake.systems.disturbances.random_stream import RandomStream
-from mffdrake.systems.frame_recorder import FrameRecorder
-from mffdrake.systems.joint_encoders import JointEncoders
-from mffdrake.systems.lens import LensDistortion
-from mffdrake.systems.models import FindModelsPath
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import PdController
-from mffdrake.systems.predictor import MffPredictor
-from mffdrake.systems.prescribed_target import PrescribedTarget
-from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
-from mffdrake.systems.renderers import AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
-from mffdrake.systems.target_motion_estimator import TargetMotionEstimator
+from mffdrake.systems.random_stream import RandomStream
+from mffdrake.systems.rendering.renderers import AddRenderer
+from mffdrake.systems.rendering.visualization import PoseEstimateVisualizer
+from mffdrake.systems.target_motion.prescribed_target import PrescribedTarget
 from mffdrake.systems.timing import Timing
-from mffdrake.systems.visual_servo import VisualServoController
+from mffdrake.systems.vision.frame_recorder import FrameRecorder
+from mffdrake.systems.vision.predictor import MffPredictor
+from mffdrake.systems.vision.recognizer import OneStepGaRecognizer, PoseRecognizer
+from mffdrake.systems.vision.target_motion_estimator import TargetMotionEstimator
 
 DIRECTIVE = ".. pydrake_system::"
 FISHEYE = Camera(

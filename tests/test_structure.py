@@ -22,10 +22,10 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    "experiment/colors_command.py", "experiment/commands.py", "experiment/main.py",
-    "experiment/target_command.py",
-    "experiment/reproduce_command.py", "experiment/servo_command.py", "experiment/sweep_command.py",
-    "experiment/track_command.py", "systems/_graphics_probe.py",
+    *(f"experiment/commands/{name}.py" for name in (
+        "colors_command", "commands", "main", "target_command", "reproduce_command",
+        "servo_command", "sweep_command", "track_command")),
+    "systems/rendering/graphics_probe.py",
 }  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def test_only_the_command_line_prints():
         and node.func.id == "print"
     }
     assert printing <= PRINTING
-    assert "experiment/commands.py" in printing
+    assert "experiment/commands/commands.py" in printing
 
 
 # Public names.

@@ -27,8 +27,8 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
-from mffdrake.systems.pa10 import AddPa10
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.arms.pa10 import AddPa10
 print(FindModelsPath())
 
 plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), time_step=0.0)

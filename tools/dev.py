@@ -44,7 +44,7 @@ GRAPHICS_PACKAGES = ["libglib2.0-0", "libegl1", "libgl1-mesa-dri"]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 VENV = os.path.join(ROOT, ".venv")
-PROBE = os.path.join(ROOT, "mffdrake", "systems", "_graphics_probe.py")
+PROBE = os.path.join(ROOT, "mffdrake", "systems", "rendering", "graphics_probe.py")
 
 
 def main(arguments: list) -> int:

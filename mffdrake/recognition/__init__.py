@@ -3,44 +3,48 @@
 Nothing here imports pydrake.
 """
 
-from mffdrake.recognition.acquisition import Acquisition, AcquisitionParameters, NoAcquisition
-from mffdrake.recognition.any_tracker import Tracker
-from mffdrake.recognition.cameras import Camera, CameraRig
-from mffdrake.recognition.colors import ColorModel, FaceColor
-from mffdrake.recognition.distortion import Distortion
-from mffdrake.recognition.generation import Generation
-from mffdrake.recognition.genetic import (
+from mffdrake.recognition.acquisition.acquisition import (
+    Acquisition,
+    AcquisitionParameters,
+    NoAcquisition,
+)
+from mffdrake.recognition.camera.cameras import Camera, CameraRig
+from mffdrake.recognition.camera.distortion import Distortion
+from mffdrake.recognition.fitness.colors import ColorModel, FaceColor
+from mffdrake.recognition.fitness.matching import Matcher, MatchingParameters
+from mffdrake.recognition.fitness.white_balance import (
+    AdaptiveWhiteBalance,
+    FixedWhiteBalance,
+    WhiteBalance,
+)
+from mffdrake.recognition.genetic.generation import Generation
+from mffdrake.recognition.genetic.genetic import (
     POSE_COORDINATES,
     GeneCoding,
     GeneticAlgorithm,
     GeneticParameters,
     SearchRange,
 )
-from mffdrake.recognition.local_moves import LocalMoveParameters, LocalMoves
-from mffdrake.recognition.matching import Matcher, MatchingParameters
+from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
+from mffdrake.recognition.genetic.starts import ColoredStart, NearStart, RandomStart, Start
+from mffdrake.recognition.genetic.tracker import OneStepGaTracker
 from mffdrake.recognition.parameters import ParameterError
-from mffdrake.recognition.pose_filter import PoseFilter, PoseFilterParameters
-from mffdrake.recognition.pose_tracker import Estimate, PoseTracker
-from mffdrake.recognition.refinement import (
+from mffdrake.recognition.poses.pose_filter import PoseFilter, PoseFilterParameters
+from mffdrake.recognition.poses.tracking_state import TrackingState
+from mffdrake.recognition.refinement.refinement import (
     BorderRefiner,
     NoRefinement,
     Refinement,
     RefinementParameters,
     Refiner,
 )
-from mffdrake.recognition.robust_tracker import RobustTracker
-from mffdrake.recognition.search import Found, PoseSearch, SearchParameters
-from mffdrake.recognition.search_model import SamplingParameters, SearchModel
-from mffdrake.recognition.solid_model import BLUE, GREEN, RED, SolidModel
-from mffdrake.recognition.starts import ColoredStart, NearStart, RandomStart, Start
-from mffdrake.recognition.tracker import OneStepGaTracker
-from mffdrake.recognition.tracker_parameters import TrackerParameters
-from mffdrake.recognition.tracking_state import TrackingState
-from mffdrake.recognition.white_balance import (
-    AdaptiveWhiteBalance,
-    FixedWhiteBalance,
-    WhiteBalance,
-)
+from mffdrake.recognition.solid.solid_model import BLUE, GREEN, RED, SolidModel
+from mffdrake.recognition.tracking.any_tracker import Tracker
+from mffdrake.recognition.tracking.pose_tracker import Estimate, PoseTracker
+from mffdrake.recognition.tracking.robust_tracker import RobustTracker
+from mffdrake.recognition.tracking.search import Found, PoseSearch, SearchParameters
+from mffdrake.recognition.tracking.tracker_parameters import TrackerParameters
+from mffdrake.recognition.visibility.search_model import SamplingParameters, SearchModel
 
 __all__ = [
     "BLUE",

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from mffdrake.experiment.scenario import Change, Scenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.experiment.scenario.scenario import Change, Scenario
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.recognition.poses.pose import rotation_angle
 
 NAMES = ("wedge", "hexagonal_prism", "l_block", "notched_box", "hammer", "mug")
 

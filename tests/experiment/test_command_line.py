@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from terminal import on_terminal
 
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import SimulationResult
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 MODULE = [sys.executable, "-m", "mffdrake"]

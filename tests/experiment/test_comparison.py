@@ -5,9 +5,9 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from mffdrake.experiment.comparison import Compare, MakeVariants
-from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
-from mffdrake.systems.inverse_kinematics import UnreachablePathError
+from mffdrake.experiment.runs.comparison import Compare, MakeVariants
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, ScenarioError
+from mffdrake.systems.arms.inverse_kinematics import UnreachablePathError
 
 ARRAYS = (
     "time", "true_pose", "recognized_pose", "fitness", "desired_hand_pose", "actual_hand_pose",

@@ -14,16 +14,16 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import Simulator
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, ScenarioError
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 from mffdrake.recognition import AdaptiveWhiteBalance
-from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.inverse_kinematics import UnreachablePathError
-from mffdrake.systems.models import FindModelsPath
-from mffdrake.systems.pa10 import MakePa10Plant
-from mffdrake.systems.pd_gains import PD_GAINS
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.systems.arms.inverse_kinematics import UnreachablePathError
+from mffdrake.systems.arms.models import FindModelsPath
+from mffdrake.systems.arms.pa10 import MakePa10Plant
+from mffdrake.systems.control.pd_gains import PD_GAINS
 from mffdrake.systems.timing import Timing
 
 PARTS = {

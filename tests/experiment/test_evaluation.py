@@ -8,7 +8,8 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from mffdrake.experiment.evaluation import (
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.evaluation import (
     SETTLED_AFTER,
     TRACKING_SHARES,
     Evaluate,
@@ -17,9 +18,8 @@ from mffdrake.experiment.evaluation import (
     Versions,
     WriteResults,
 )
-from mffdrake.experiment.recovery import RECOVERY
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import SimulationResult
+from mffdrake.experiment.simulation.recovery import RECOVERY
+from mffdrake.experiment.simulation.simulation import SimulationResult
 
 STAGES = {"render": 8.0, "recognition": 2.0, "prediction": 0.5, "total": 12.5}
 RMS_KEYS = ["x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg"]

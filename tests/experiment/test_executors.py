@@ -13,9 +13,9 @@ import psutil
 import pytest
 import worker_functions as work
 
-from mffdrake.experiment.cluster import ClusterError, DaskCluster
-from mffdrake.experiment.executors import InProcess, Outcome, WorkerDiedError
-from mffdrake.experiment.local_processes import MAX_ATTEMPTS, LocalProcesses
+from mffdrake.experiment.runs.executors.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.runs.executors.executors import InProcess, Outcome, WorkerDiedError
+from mffdrake.experiment.runs.executors.local_processes import MAX_ATTEMPTS, LocalProcesses
 
 
 @pytest.fixture(params=["in_process", "one_process", "two_processes", "dask"])
@@ -174,7 +174,7 @@ import sys
 from pathlib import Path
 sys.path.append({folder!r})
 import worker_functions as work
-from mffdrake.experiment.local_processes import LocalProcesses
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
 
 if {guard}:
     try:

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from mffdrake.experiment.files import MakeOutputFolder, WholeFile
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 
 
 def content(folder):

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from mffdrake.experiment.grid import LoadGrid, MakeGrid
-from mffdrake.experiment.scenario import LoadScenario, ScenarioError
+from mffdrake.experiment.runs.grid import LoadGrid, MakeGrid
+from mffdrake.experiment.scenario.scenario import LoadScenario, ScenarioError
 
 
 def combinations(grid):

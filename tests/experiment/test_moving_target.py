@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.recordings.trajectory import LoadTrajectory, SaveTrajectory, Trajectory
-from mffdrake.experiment.scenario import LoadScenario, ScenarioError
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.recognition.pose import pose_from_transform
+from mffdrake.experiment.scenario.scenario import LoadScenario, ScenarioError
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.recognition.recordings.trajectory import LoadTrajectory, SaveTrajectory, Trajectory
 
 MOVING = """
 duration: {duration}

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.outline import DrawOutline
 from mffdrake.recognition import BLUE, GREEN, RED, Camera, CameraRig, Distortion, SolidModel
-from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.poses.pose import transform_from_pose
+from mffdrake.recognition.visibility.outline import DrawOutline
 
 MODELS = Path(__file__).parents[2] / "models"
 BOX = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))

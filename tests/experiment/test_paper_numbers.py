@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mffdrake.experiment.paper_numbers import (
+from mffdrake.experiment.paper.paper_numbers import (
     CELLS,
     PAPER,
     InvarianceRatio,

@@ -10,21 +10,26 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.evaluation import Evaluate
-from mffdrake.experiment.outline import DrawOutline, DrawViews
-from mffdrake.experiment.pictures import DrawCameraView, DrawScene, SaveDiagram, SaveImage
-from mffdrake.experiment.plotting import (
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.evaluation import Evaluate
+from mffdrake.experiment.simulation.pictures import (
+    DrawCameraView,
+    DrawScene,
+    SaveDiagram,
+    SaveImage,
+)
+from mffdrake.experiment.simulation.plotting import (
     PlotComparison,
     PlotErrors,
     PlotHandPath,
     PlotPose,
     SaveFigure,
 )
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate, SimulationResult
-from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 from mffdrake.recognition import CameraRig, Distortion
+from mffdrake.recognition.visibility.outline import DrawOutline, DrawViews
 
 COORDINATES = ["x [mm]", "y [mm]", "z [mm]", "eps1", "eps2", "eps3"]
 TIME = 0.033 * np.arange(300)
@@ -174,7 +179,7 @@ def test_the_comparison_has_three_panels_over_the_speed(time, window):
 def test_figures_belong_to_no_window(tmp_path):
     """Nothing piles up in matplotlib's list of figures; pyplot is not even loaded."""
     code = (
-        "import sys; from mffdrake.experiment.plotting import _Figure, SaveFigure; "
+        "import sys; from mffdrake.experiment.simulation.plotting import _Figure, SaveFigure; "
         f"SaveFigure(_Figure(1, 1, (2.0, 2.0))[0], {str(tmp_path / 'a.png')!r}); "
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )

@@ -3,7 +3,7 @@
 import io
 import sys
 
-from mffdrake.experiment.progress import Advance, ProgressBar
+from mffdrake.experiment.commands.progress import Advance, ProgressBar
 
 
 def lines(monkeypatch, *, interval):

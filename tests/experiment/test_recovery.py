@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recovery import RECOVERY, CalcRecovery, OutageEnd
-from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.recovery import RECOVERY, CalcRecovery, OutageEnd
 
 TIME = 0.033 * np.arange(10)
 

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from mffdrake.experiment.evaluation import RMS_ERRORS
-from mffdrake.experiment.paper_numbers import PAPER
-from mffdrake.experiment.report import MakeHtml
-from mffdrake.experiment.report_figures import PlotStudies, PlotTable
-from mffdrake.experiment.report_tables import (
+from mffdrake.experiment.paper.paper_numbers import PAPER
+from mffdrake.experiment.paper.report import MakeHtml
+from mffdrake.experiment.paper.report_figures import PlotStudies, PlotTable
+from mffdrake.experiment.paper.report_tables import (
     InvarianceTable,
     OscillationTable,
     PaperTable,
     StudyTable,
     SummaryLines,
 )
-from mffdrake.experiment.report_text import MakeText
-from mffdrake.experiment.reproduction import Reproduction, Summarize
-from mffdrake.experiment.simulation import SimulationResult
-from mffdrake.experiment.studies import PAPER_OMEGAS
-from mffdrake.experiment.study import Study, Variant
+from mffdrake.experiment.paper.report_text import MakeText
+from mffdrake.experiment.paper.reproduction import Reproduction, Summarize
+from mffdrake.experiment.paper.studies import PAPER_OMEGAS
+from mffdrake.experiment.runs.study import Study, Variant
+from mffdrake.experiment.simulation.evaluation import RMS_ERRORS
+from mffdrake.experiment.simulation.simulation import SimulationResult
 
 CELLS = ["mean fitness", "x", "y", "z", "eps1", "eps2", "eps3", "position", "rotation"]
 

@@ -17,16 +17,16 @@ import pytest
 from terminal import on_terminal
 from worker_functions import wait_for
 
-from mffdrake.experiment.cluster import DaskCluster
-from mffdrake.experiment.evaluation import Evaluate
-from mffdrake.experiment.executors import InProcess
-from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.report import Reproduce
-from mffdrake.experiment.reproduction import RunPlan, Summarize
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.studies import MakeStudies
-from mffdrake.experiment.study import PlanRuns, Study, Variant
+from mffdrake.experiment.paper.report import Reproduce
+from mffdrake.experiment.paper.reproduction import RunPlan, Summarize
+from mffdrake.experiment.paper.studies import MakeStudies
+from mffdrake.experiment.runs.executors.cluster import DaskCluster
+from mffdrake.experiment.runs.executors.executors import InProcess
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.runs.study import PlanRuns, Study, Variant
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.evaluation import Evaluate
+from mffdrake.experiment.simulation.simulation import Simulate
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 SMALL = "camera: {width: 64, height: 48}"

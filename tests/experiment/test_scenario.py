@@ -12,9 +12,15 @@ import pytest
 import yaml
 from pydrake.math import RigidTransform, RotationMatrix
 
-from mffdrake.experiment.camera_sections import StereoCameraConfig
-from mffdrake.experiment.scenario import METHODS, Change, LoadScenario, Scenario, ScenarioError
-from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.experiment.scenario.camera_sections import StereoCameraConfig
+from mffdrake.experiment.scenario.scenario import (
+    METHODS,
+    Change,
+    LoadScenario,
+    Scenario,
+    ScenarioError,
+)
+from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 from mffdrake.recognition import (
     CameraRig,
     LocalMoveParameters,
@@ -25,11 +31,11 @@ from mffdrake.recognition import (
     SearchRange,
     TrackerParameters,
 )
-from mffdrake.systems.hand_path import HandPath
-from mffdrake.systems.pa10 import AddCameraFrames
-from mffdrake.systems.pd_gains import LightlyDamped
-from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.arms.hand_path import HandPath
+from mffdrake.systems.arms.pa10 import AddCameraFrames
+from mffdrake.systems.control.pd_gains import LightlyDamped
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.predictor import MffPredictor
 
 
 def all_keys(schema=Scenario, above=()):

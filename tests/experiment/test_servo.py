@@ -7,15 +7,15 @@ import re
 import numpy as np
 import pytest
 
-from mffdrake.experiment.desired_hand import MakeDesiredHand
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.evaluation import Evaluate
-from mffdrake.experiment.main import main
-from mffdrake.experiment.scenario import Change, LoadScenario, Scenario
-from mffdrake.experiment.servo_command import ServoDefaults
-from mffdrake.experiment.servo_evaluation import CalcHandErrors, FindLoss, WantedPose
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.experiment.commands.main import main
+from mffdrake.experiment.commands.servo_command import ServoDefaults
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
+from mffdrake.experiment.simulation.evaluation import Evaluate
+from mffdrake.experiment.simulation.servo_evaluation import CalcHandErrors, FindLoss, WantedPose
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 
 SMALL = {"renderer": "flat", "camera.width": 320, "camera.height": 240}
 

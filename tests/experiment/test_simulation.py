@@ -9,12 +9,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import System
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import Change, LoadScenario, ScenarioError
-from mffdrake.experiment.simulation import Simulate, SimulationResult
-from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.inverse_kinematics import UnreachablePathError
-from mffdrake.systems.pa10 import MakePa10Plant
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, ScenarioError
+from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.systems.arms.inverse_kinematics import UnreachablePathError
+from mffdrake.systems.arms.pa10 import MakePa10Plant
 from mffdrake.systems.timing import Timing
 
 ARRAYS = {
@@ -195,7 +195,7 @@ def test_recording_leaves_the_recognizers_whole_state_as_in_a_plain_simulation(
             super().__init__(*arguments)
             contexts.append(self.get_context())
 
-    monkeypatch.setattr("mffdrake.experiment.simulation.Simulator", Watched)
+    monkeypatch.setattr("mffdrake.experiment.simulation.simulation.Simulator", Watched)
     Simulate(scenario, diagram=diagram)
     plain = Simulator(diagram)
     plain.AdvanceTo(scenario.duration)

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.grid import MakeGrid
-from mffdrake.experiment.scenario import Change, LoadScenario, Scenario, ScenarioError
-from mffdrake.experiment.scenario_docs import DescribeDefaults, MakeSchema
-from mffdrake.experiment.simulation import Simulate
+from mffdrake.experiment.runs.grid import MakeGrid
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.scenario.scenario_docs import DescribeDefaults, MakeSchema
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition import Generation, RefinementParameters, TrackerParameters
 from mffdrake.recognition.parameters import plain
-from mffdrake.systems.recognizer import PoseRecognizer
+from mffdrake.systems.vision.recognizer import PoseRecognizer
 
 ROOT = Path(__file__).parents[2]
 REFINED = "renderer: flat, recognizer: {refinement: borders, start: near_target}"

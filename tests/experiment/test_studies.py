@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mffdrake.experiment.diagram import CheckScenario
-from mffdrake.experiment.scenario import LoadScenario, Scenario, ScenarioError
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.studies import FEW_SEEDS, PAPER_OMEGAS, PLAIN_GA, MakeStudies
-from mffdrake.experiment.study import PlanRuns, Study, Variant
+from mffdrake.experiment.paper.studies import FEW_SEEDS, PAPER_OMEGAS, PLAIN_GA, MakeStudies
+from mffdrake.experiment.runs.study import PlanRuns, Study, Variant
+from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import CheckScenario
 
 SMALL = "{duration: 0.2, camera: {width: 64, height: 48}}"
 

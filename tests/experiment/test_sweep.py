@@ -16,18 +16,18 @@ import pyarrow.parquet
 import pytest
 from worker_functions import wait_for
 
-from mffdrake.experiment.cluster import ClusterError, DaskCluster
-from mffdrake.experiment.diagram import CheckScenario
-from mffdrake.experiment.evaluation import Evaluate, FlattenRow
-from mffdrake.experiment.executors import InProcess
-from mffdrake.experiment.fingerprint import CodeFingerprint
-from mffdrake.experiment.grid import LoadGrid, MakeGrid
-from mffdrake.experiment.local_processes import LocalProcesses
-from mffdrake.experiment.scenario import LoadScenario, Scenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.store import Record, RunStore, StoreError
-from mffdrake.experiment.sweep import OtherCodeError, RunScenario, Sweep
-from mffdrake.experiment.sweep_table import MakeTable, MedianTable
+from mffdrake.experiment.runs.executors.cluster import ClusterError, DaskCluster
+from mffdrake.experiment.runs.executors.executors import InProcess
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.runs.grid import LoadGrid, MakeGrid
+from mffdrake.experiment.runs.store import Record, RunStore, StoreError
+from mffdrake.experiment.runs.sweep import OtherCodeError, RunScenario, Sweep
+from mffdrake.experiment.runs.sweep_table import MakeTable, MedianTable
+from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario
+from mffdrake.experiment.simulation.evaluation import Evaluate, FlattenRow
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import CheckScenario
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 SMALL = {"renderer": "flat", "duration": 0.1, "camera": {"width": 64, "height": 48}}

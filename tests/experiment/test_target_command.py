@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mffdrake.experiment.main import main
+from mffdrake.experiment.commands.main import main
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -14,13 +14,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.simulation import Simulate
-from mffdrake.experiment.visualization import PoseEstimateVisualizer, SaveReplay
-from mffdrake.recognition.mesh_file import ColoredMesh
-from mffdrake.systems.models import FindModelsPath
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.simulation import Simulate
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.solid.mesh_file import ColoredMesh
+from mffdrake.systems.arms.models import FindModelsPath
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+from mffdrake.systems.rendering.visualization import PoseEstimateVisualizer, SaveReplay
 
 BOX = ColoredMesh.read(FindModelsPath() / "target_box.obj")
 X_CM = RigidTransform(RollPitchYaw(0.1, -0.2, 0.3), [0.02, 0.15, 0.8])

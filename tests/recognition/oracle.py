@@ -1,4 +1,4 @@
-"""The fitness of `mffdrake.recognition.matching`, point by point, slowly and independently.
+"""The fitness of `mffdrake.recognition.fitness.matching`, point by point, slowly and independently.
 
 Works in the camera's frame, where the compiled kernel works in the target's; takes hues from
 `colorsys`, rotations and lenses from OpenCV. From the search model it reads the sampled points,

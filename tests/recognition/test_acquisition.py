@@ -30,10 +30,10 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
-from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.symmetry import find_look_alikes, find_symmetries
+from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.solid.symmetry import find_look_alikes, find_symmetries
 
-_borders = pytest.importorskip("mffdrake.recognition._borders")
+_borders = pytest.importorskip("mffdrake.recognition.refinement.borders")
 
 
 def wedge(length=0.18, width=0.12, height=0.1):

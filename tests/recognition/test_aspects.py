@@ -9,7 +9,7 @@ import trimesh
 
 from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
 
-_aspects = pytest.importorskip("mffdrake.recognition._aspects")
+_aspects = pytest.importorskip("mffdrake.recognition.visibility.drawing")
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = ("l_block", "notched_box", "hammer", "mug")
 DIRECTIONS = 24

@@ -9,8 +9,8 @@ from synthetic import odd_camera, odd_rig, rotation
 
 from mffdrake.recognition import CameraRig
 
-_blobs = pytest.importorskip("mffdrake.recognition._blobs")
-_proposals = pytest.importorskip("mffdrake.recognition._proposals")
+_blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
+_proposals = pytest.importorskip("mffdrake.recognition.acquisition.proposing")
 
 RIGS = {
     "stereo": CameraRig.stereo(width=320, height=240),

@@ -17,13 +17,13 @@ from synthetic import (
 )
 
 from mffdrake.recognition import Camera, CameraRig, Distortion, Matcher, SearchModel, SolidModel
-from mffdrake.recognition.aspects import as_drawn
-from mffdrake.recognition.pose import quaternion_scalar
+from mffdrake.recognition.poses.pose import quaternion_scalar
+from mffdrake.recognition.visibility.aspects import as_drawn
 
-_blobs = pytest.importorskip("mffdrake.recognition._blobs")
-_lens = pytest.importorskip("mffdrake.recognition._lens")
-_looks = pytest.importorskip("mffdrake.recognition._looks")
-_rotations = pytest.importorskip("mffdrake.recognition._rotations")
+_blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
+_lens = pytest.importorskip("mffdrake.recognition.camera.lens")
+_looks = pytest.importorskip("mffdrake.recognition.acquisition.looks")
+_rotations = pytest.importorskip("mffdrake.recognition.poses.rotations")
 
 PLAIN = Camera(width=160, height=120, fx=145.0, fy=150.0, cx=77.0, cy=61.5)
 SOLIDS = {"box": paper_box(), "prism": hexagonal_prism()}

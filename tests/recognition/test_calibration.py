@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mffdrake.recognition.calibration import CalibrationError, read_calibration, read_camera
+from mffdrake.recognition.camera.calibration import CalibrationError, read_calibration, read_camera
 
 REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "cube_v1"
 K = np.array([[584.2393058000735, 0.0, 278.4135], [0.0, 586.92, 289.4802], [0.0, 0.0, 1.0]])

@@ -12,7 +12,7 @@ import pytest
 from synthetic import LENSES, intrinsics, odd_camera, paper_box, pose, render, rotation
 
 from mffdrake.recognition import Camera, CameraRig, Distortion
-from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.poses.pose import transform_from_pose
 
 RIG = CameraRig.stereo(width=640, height=480, focal_length=580.0, baseline=0.150)
 PRINCIPAL_POINT = (319.5, 239.5)

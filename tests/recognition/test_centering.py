@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 from synthetic import paper_box, pose, render
 
-from mffdrake.recognition import (
-    BorderRefiner,
-    CameraRig,
-    Matcher,
-    SearchModel,
-    _centering,
-    _edge_lines,
-    _linear,
-    _rotations,
-)
-from mffdrake.recognition import _borders as borders_module
-from mffdrake.recognition.pose_motion import rotate_by
+from mffdrake.recognition import BorderRefiner, CameraRig, Matcher, SearchModel
+from mffdrake.recognition.poses import rotations
+from mffdrake.recognition.poses.pose_motion import rotate_by
+from mffdrake.recognition.refinement import borders as borders_module
+from mffdrake.recognition.refinement import centering, edge_lines
+from mffdrake.recognition.refinement import residuals as border_residuals
 
 BOX = paper_box()
 RIG = CameraRig.stereo()
@@ -33,7 +27,7 @@ def some_pose(rng, degrees):
 def found(psi, images):
     """Scene, lines and trusted borders at a pose."""
     scene = REFINER.matcher.scene(images)
-    lines = _edge_lines.edge_lines(psi, scene.solid, scene.views)
+    lines = edge_lines.edge_lines(psi, scene.solid, scene.views)
     stage, rules = borders_module.Stage(3, 1, 8), REFINER.rules
     borders = borders_module.find_borders(psi, lines, scene, rules, stage)[0].copy()
     borders["weight"] = 1.0
@@ -42,7 +36,7 @@ def found(psi, images):
 
 def distances(psi, lines, walls, scene):
     residuals, J = np.empty(len(walls)), np.empty((len(walls), 6))
-    _linear.compare(psi, lines, walls, scene, residuals, J)
+    border_residuals.compare(psi, lines, walls, scene, residuals, J)
     return residuals, J
 
 
@@ -50,7 +44,7 @@ def distances(psi, lines, walls, scene):
 def test_the_walls_are_the_ends_of_the_runs_at_one_pixel(degrees):
     psi = some_pose(np.random.default_rng(1), degrees)
     _, _, borders = found(psi, render(BOX, psi, RIG))
-    walls = _centering.find_walls(borders)
+    walls = centering.find_walls(borders)
     expected = []
     for slot in np.unique(borders["slot"]):
         rows = borders[borders["slot"] == slot]
@@ -72,12 +66,12 @@ def test_the_true_pose_is_within_the_walls_and_the_center_is_the_barrier_s_least
     for _ in range(4):
         psi = some_pose(rng, degrees)
         scene, lines, borders = found(psi, render(BOX, psi, RIG))
-        walls = _centering.find_walls(borders)
+        walls = centering.find_walls(borders)
         residuals, J = distances(psi, lines, walls, scene)
         assert np.abs(residuals).max() < 0.5 + 1e-9
-        centered, x, covariance = _centering.center(psi, lines, borders, scene)
+        centered, x, covariance = centering.center(psi, lines, borders, scene)
         assert centered
-        w = _centering._HALF
+        w = centering._HALF
 
         def barrier(move, r=residuals, J=J, w=w):
             c = r - J @ move
@@ -102,12 +96,12 @@ def test_the_center_does_not_depend_on_where_the_steps_begin():
     rng = np.random.default_rng(3)
     psi = some_pose(rng, 1.0)
     scene, lines, borders = found(psi, render(BOX, psi, RIG))
-    _, x, covariance = _centering.center(psi, lines, borders, scene)
-    start = _rotations.move(psi, np.linalg.cholesky(covariance) @ rng.normal(size=6))
-    _edge_lines.move_lines(lines, start, scene.solid, scene.views, True)
-    centered, y, _ = _centering.center(start, lines, borders, scene)
+    _, x, covariance = centering.center(psi, lines, borders, scene)
+    start = rotations.move(psi, np.linalg.cholesky(covariance) @ rng.normal(size=6))
+    edge_lines.move_lines(lines, start, scene.solid, scene.views, True)
+    centered, y, _ = centering.center(start, lines, borders, scene)
     assert centered
-    one, other = _rotations.move(psi, x), _rotations.move(start, y)
+    one, other = rotations.move(psi, x), rotations.move(start, y)
     apart = one - other
     spread = np.sqrt(np.diag(covariance))
     assert (np.abs(apart[:3]) < 0.1 * spread[:3]).all()
@@ -120,8 +114,8 @@ def test_borders_that_contradict_each_other_have_no_center():
     borders["across"][borders["slot"] == slot] += np.where(
         np.arange((borders["slot"] == slot).sum()) % 2, 2.0, -2.0
     )
-    assert not _centering.center(psi, lines, borders, scene)[0]
-    assert not _centering.center(psi, lines, borders[:5], scene)[0]
+    assert not centering.center(psi, lines, borders, scene)[0]
+    assert not centering.center(psi, lines, borders[:5], scene)[0]
 
 
 def test_along_the_box_s_axes_a_refined_pose_is_as_good_as_such_images_allow():

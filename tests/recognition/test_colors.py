@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mffdrake.recognition import ColorModel, FaceColor
-from mffdrake.recognition.colors import hue_chroma_value, learn_color
+from mffdrake.recognition.fitness.colors import hue_chroma_value, learn_color
 
 PRIMARIES = ColorModel.of_hues(
     {"red": 0.0, "green": math.radians(120), "blue": math.radians(240)},

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mffdrake.recognition import kept as module
-from mffdrake.recognition.kept import kept
+from mffdrake.recognition.solid import kept as module
+from mffdrake.recognition.solid.kept import kept
 
 
 @pytest.fixture

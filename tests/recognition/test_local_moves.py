@@ -7,7 +7,7 @@ import pytest
 from synthetic import rotation
 
 from mffdrake.recognition import LocalMoveParameters, LocalMoves
-from mffdrake.recognition.pose import rotation_angle
+from mffdrake.recognition.poses.pose import rotation_angle
 
 POSE = np.array([0.03, 0.155, 0.80, 0.10, -0.20, 0.15])
 MIDDLE = np.array([-0.075, 0.0, 0.0])

@@ -10,8 +10,8 @@ from synthetic import paper_box, pose, random_poses, rotation, tetrahedron
 
 from mffdrake.recognition import Camera, CameraRig, Matcher, SearchModel, SolidModel
 
-_picking = pytest.importorskip("mffdrake.recognition._picking")
-_proposals = pytest.importorskip("mffdrake.recognition._proposals")
+_picking = pytest.importorskip("mffdrake.recognition.acquisition.picking")
+_proposals = pytest.importorskip("mffdrake.recognition.acquisition.proposing")
 
 
 def pick(poses, scores, origins, weights, numbers, apart, seed=0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mffdrake.recognition import SearchModel, SolidModel
-from mffdrake.recognition.portrait import Portrait
+from mffdrake.recognition.visibility.portrait import Portrait
 
 MODELS = Path(__file__).parents[2] / "models"
 

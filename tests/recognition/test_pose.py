@@ -6,7 +6,7 @@ import pytest
 from synthetic import quaternion_vector as true_quaternion_vector
 from synthetic import rotation as true_rotation
 
-from mffdrake.recognition.pose import (
+from mffdrake.recognition.poses.pose import (
     compose_quaternion_vectors,
     pose_from_transform,
     quaternion_scalar,
@@ -17,7 +17,7 @@ from mffdrake.recognition.pose import (
     target_position_in_camera,
     transform_from_pose,
 )
-from mffdrake.recognition.pose_motion import (
+from mffdrake.recognition.poses.pose_motion import (
     camera_motion_jacobian,
     quaternion_rate_matrix,
     step_pose,

@@ -6,20 +6,21 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.recognition import ParameterError, _pose_filter
-from mffdrake.recognition.pose import (
+from mffdrake.recognition import ParameterError
+from mffdrake.recognition.poses import filter_steps
+from mffdrake.recognition.poses.pose import (
     pose_from_transform,
     rotation_matrix,
     skew,
     transform_from_pose,
 )
-from mffdrake.recognition.pose_filter import (
+from mffdrake.recognition.poses.pose_filter import (
     NUM_NUMBERS,
     PoseFilter,
     PoseFilterParameters,
     body_covariance,
 )
-from mffdrake.recognition.pose_motion import quaternion_rate_matrix, transport_pose
+from mffdrake.recognition.poses.pose_motion import quaternion_rate_matrix, transport_pose
 
 SEEDS = range(3)
 RULES = PoseFilterParameters()
@@ -112,16 +113,16 @@ ANGLES = [0.0, 1.0, 2.5, np.pi - 2e-3, np.pi]
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_rotation_vector_comes_back_from_its_quaternion_however_short_it_is(seed, angle):
     vector = angle * unit(np.random.default_rng(seed))
-    q = _pose_filter.quaternion_exp(vector)
+    q = filter_steps.quaternion_exp(vector)
     for sign in (1.0, -1.0):  # the same turn
         np.testing.assert_allclose(
-            _pose_filter.rotation_log(sign * q), vector, rtol=0, atol=1e-8 * angle
+            filter_steps.rotation_log(sign * q), vector, rtol=0, atol=1e-8 * angle
         )
 
 
 def test_no_rotation_has_no_vector():
-    np.testing.assert_array_equal(_pose_filter.quaternion_exp(np.zeros(3)), [1.0, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(_pose_filter.rotation_log(np.array([1.0, 0, 0, 0])), np.zeros(3))
+    np.testing.assert_array_equal(filter_steps.quaternion_exp(np.zeros(3)), [1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(filter_steps.rotation_log(np.array([1.0, 0, 0, 0])), np.zeros(3))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -131,7 +132,7 @@ def test_a_rotation_is_its_vectors_power_series(seed):
     for k in range(1, 60):
         term = term @ skew(vector) / k
         R = R + term
-    q = _pose_filter.quaternion_exp(vector)
+    q = filter_steps.quaternion_exp(vector)
     np.testing.assert_allclose(rotation_matrix(np.copysign(1.0, q[0]) * q[1:]), R, atol=1e-13)
 
 
@@ -266,7 +267,7 @@ def test_a_target_on_a_spring_swings_as_the_sine_does(stiffness):
 
 
 def brute_force(dt, lasting, stiffness, steps=4000):
-    """Transition and noise of `_pose_filter.transition`, by many small steps."""
+    """Transition and noise of `filter_steps.transition`, by many small steps."""
     A = np.array([[0, 1, 0], [0, 0, 1], [0, -stiffness, -1 / lasting]])
     h, M, Q = dt / steps, np.eye(3), np.zeros((3, 3))
     half = A * h / 2
@@ -282,22 +283,22 @@ def brute_force(dt, lasting, stiffness, steps=4000):
 @pytest.mark.parametrize("lasting", [0.3, 10.0])
 @pytest.mark.parametrize("dt", [0.033, 1.0])
 def test_one_axis_goes_on_as_in_many_small_steps(dt, lasting, stiffness):
-    M, dM, Q = _pose_filter.transition(dt, lasting, stiffness)
+    M, dM, Q = filter_steps.transition(dt, lasting, stiffness)
     stepped, noise = brute_force(dt, lasting, stiffness)
     np.testing.assert_allclose(M, stepped, atol=2e-5 * (1 + stiffness))
     np.testing.assert_allclose(Q, noise, atol=1e-5 * np.abs(noise).max())
-    ahead, *_ = _pose_filter.transition(dt, lasting, stiffness + 1e-4)
-    behind, *_ = _pose_filter.transition(dt, lasting, stiffness - 1e-4)
+    ahead, *_ = filter_steps.transition(dt, lasting, stiffness + 1e-4)
+    behind, *_ = filter_steps.transition(dt, lasting, stiffness - 1e-4)
     np.testing.assert_allclose(dM, (ahead - behind) / 2e-4, atol=1e-7)
 
 
 def test_one_axis_with_white_accelerations_and_in_singers_model_is_as_in_the_textbook():
     t, lasting = 0.7, 0.4
-    M, dM, Q = _pose_filter.transition(t, 0.0, 0.0)
+    M, dM, Q = filter_steps.transition(t, 0.0, 0.0)
     np.testing.assert_allclose(M, [[1, t, 0], [0, 1, 0], [0, 0, 1]], atol=1e-15)
     assert not dM[:2, :2].any()
     np.testing.assert_allclose(Q[:2, :2], [[t**3 / 3, t**2 / 2], [t**2 / 2, t]], rtol=1e-14)
-    M, _, Q = _pose_filter.transition(t, lasting, 0.0)
+    M, _, Q = filter_steps.transition(t, lasting, 0.0)
     left = np.exp(-t / lasting)
     np.testing.assert_allclose(
         M[:, 2], [lasting * (t - lasting * (1 - left)), lasting * (1 - left), left], rtol=1e-13

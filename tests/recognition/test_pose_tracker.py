@@ -18,7 +18,7 @@ from mffdrake.recognition import (
     SearchModel,
     TrackingState,
 )
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
 
 BOX = paper_box()
 RIG = CameraRig.stereo(width=320, height=240)

@@ -29,11 +29,11 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
-from mffdrake.recognition.proposals import Proposer
-from mffdrake.recognition.symmetry import find_symmetries
+from mffdrake.recognition.acquisition.proposals import Proposer
+from mffdrake.recognition.solid.symmetry import find_symmetries
 
-_blobs = pytest.importorskip("mffdrake.recognition._blobs")
-_proposals = pytest.importorskip("mffdrake.recognition._proposals")
+_blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
+_proposals = pytest.importorskip("mffdrake.recognition.acquisition.proposing")
 
 BOX = paper_box()
 STEREO = CameraRig.stereo(width=320, height=240)

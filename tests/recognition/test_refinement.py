@@ -36,18 +36,18 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.pose import (
+from mffdrake.recognition.poses.pose import (
     compose_quaternion_vectors,
     quaternion_vector,
     rotation_angle,
     transform_from_pose,
 )
-from mffdrake.recognition.pose_motion import rotate_by, transport_pose
+from mffdrake.recognition.poses.pose_motion import rotate_by, transport_pose
 
-_borders = pytest.importorskip("mffdrake.recognition._borders")
-_edge_lines = pytest.importorskip("mffdrake.recognition._edge_lines")
-_refinement = pytest.importorskip("mffdrake.recognition._refinement")
-_rotations = pytest.importorskip("mffdrake.recognition._rotations")
+_borders = pytest.importorskip("mffdrake.recognition.refinement.borders")
+_edge_lines = pytest.importorskip("mffdrake.recognition.refinement.edge_lines")
+_refinement = pytest.importorskip("mffdrake.recognition.refinement.refining")
+_rotations = pytest.importorskip("mffdrake.recognition.poses.rotations")
 
 BOX, PRISM, TETRAHEDRON = paper_box(), hexagonal_prism(), tetrahedron()
 SOLIDS = {"box": BOX, "prism": PRISM, "tetrahedron": TETRAHEDRON}

@@ -21,8 +21,8 @@ from mffdrake.recognition import (
     SolidModel,
     TrackingState,
 )
-from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.pose_motion import transport_pose
+from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.poses.pose_motion import transport_pose
 
 RIG = CameraRig.stereo(width=320, height=240)
 BOX = SolidModel.box((0.1, 0.15, 0.2), (0.0, 2 * math.pi / 3, 4 * math.pi / 3))

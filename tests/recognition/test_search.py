@@ -24,8 +24,8 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle
-from mffdrake.recognition.symmetry import turn_about_middle
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.solid.symmetry import turn_about_middle
 
 HUES = np.radians([0.0, 60.0, 120.0, 180.0, 240.0, 300.0])
 RANGE = SearchRange(

@@ -17,7 +17,7 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.mesh_file import ColoredMesh
+from mffdrake.recognition.solid.mesh_file import ColoredMesh
 
 TARGET_BOX = Path(__file__).parents[2] / "models" / "target_box.obj"
 SOLIDS = {"box": paper_box(), "prism": hexagonal_prism(), "tetrahedron": tetrahedron()}

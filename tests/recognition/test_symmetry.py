@@ -7,9 +7,9 @@ import pytest
 from synthetic import hexagonal_prism, paper_box, pose, rotation, tetrahedron
 
 from mffdrake.recognition import BLUE, GREEN, RED, SolidModel
-from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.pose_motion import rotate_by
-from mffdrake.recognition.symmetry import (
+from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.poses.pose_motion import rotate_by
+from mffdrake.recognition.solid.symmetry import (
     NO_SYMMETRIES,
     Turns,
     find_look_alikes,

@@ -30,8 +30,8 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.pose import rotation_angle
-from mffdrake.recognition.pose_motion import transport_pose
+from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.poses.pose_motion import transport_pose
 
 BOX = paper_box()
 RIG = CameraRig.stereo()

@@ -16,7 +16,7 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.colors import ColorModel, hue_chroma_value
+from mffdrake.recognition.fitness.colors import ColorModel, hue_chroma_value
 
 RIG = CameraRig.stereo(width=320, height=240)
 TRUTH = pose((0.02, 0.05, 0.7), (0.2, 0.3, 0.1))

@@ -9,11 +9,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
 from mffdrake.recognition.parameters import ParameterError, plain, read_parameters
-from mffdrake.systems.arm import ArmModel
-from mffdrake.systems.arm_joints import ArmError, JointNames, MovingJoints
-from mffdrake.systems.camera_frames import AddCameraFrame, AddCameraFrames
-from mffdrake.systems.models import FindModelsPath
-from mffdrake.systems.pa10 import AddPa10, MakePa10Plant
+from mffdrake.systems.arms.arm import ArmModel
+from mffdrake.systems.arms.arm_joints import ArmError, JointNames, MovingJoints
+from mffdrake.systems.arms.models import FindModelsPath
+from mffdrake.systems.arms.pa10 import AddPa10, MakePa10Plant
+from mffdrake.systems.cameras.camera_frames import AddCameraFrame, AddCameraFrames
 
 PA10 = {"add_model": {"name": "pa10", "file": "package://mffdrake/pa10.urdf"}}
 WELD = {"add_weld": {"parent": "world", "child": "pa10::base_link"}}

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.systems.camera_delay import AddDelay
+from mffdrake.systems.cameras.camera_delay import AddDelay
 from mffdrake.systems.timing import Timing
 
 TIMING = Timing()

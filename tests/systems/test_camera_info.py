@@ -21,8 +21,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from mffdrake.recognition import Camera, Distortion
-from mffdrake.systems.camera_info import CameraFromInfo, MakeCameraInfo
-from mffdrake.systems.flat_renderer import AddFlatRenderer
+from mffdrake.systems.cameras.camera_info import CameraFromInfo, MakeCameraInfo
+from mffdrake.systems.rendering.flat_renderer import AddFlatRenderer
 
 CAMERA = Camera(name="own", width=320, height=200, fx=290.0, fy=310.0, cx=150.25, cy=110.5)
 X_CK = RigidTransform(RollPitchYaw(0.1, -0.2, 0.3), [0.1, 0.2, -0.3])

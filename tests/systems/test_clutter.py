@@ -20,11 +20,11 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import RgbdSensor
 
 from mffdrake.recognition import Camera
-from mffdrake.recognition.colors import hue_chroma_value
+from mffdrake.recognition.fitness.colors import hue_chroma_value
 from mffdrake.recognition.parameters import ParameterError, parameters, plain, read_parameters
-from mffdrake.systems.camera_info import MakeCameraInfo
+from mffdrake.systems.cameras.camera_info import MakeCameraInfo
 from mffdrake.systems.clutter import Clutter, Distractors, Occluder
-from mffdrake.systems.renderers import AddRenderer
+from mffdrake.systems.rendering.renderers import AddRenderer
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 CAMERA = Camera(width=320, height=240, fx=290.0, fy=290.0, cx=159.5, cy=119.5)

@@ -22,6 +22,7 @@ from mffdrake.recognition.parameters import (
     plain,
     read_parameters,
 )
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
 from mffdrake.systems.disturbances import (
     DISTURBANCES,
     AddDisturbances,
@@ -37,9 +38,8 @@ from mffdrake.systems.disturbances import (
     SaltAndPepper,
 )
 from mffdrake.systems.disturbances.image_disturbance import PixelFilter
-from mffdrake.systems.disturbances.random_stream import RandomStream
-from mffdrake.systems.renderers import AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.random_stream import RandomStream
+from mffdrake.systems.rendering.renderers import AddRenderer
 from mffdrake.systems.timing import Timing
 
 TIMING = Timing(control_period=0.001, vision_period=0.010)

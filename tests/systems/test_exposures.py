@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mffdrake.systems._exposures import Exposures
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.exposures import Exposures
 
 TIMINGS = [
     Timing(),

@@ -10,10 +10,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from stand_in import StandIn
 
-from mffdrake.systems.feedforward import ConnectFeedforward
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
-from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, MakePa10Plant
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.feedforward import ConnectFeedforward
+from mffdrake.systems.vision.predictor import MffPredictor
 
 ARM = MakePa10Plant()
 KNOTS = np.linspace(0.0, 1.0, 11)

@@ -40,12 +40,16 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageLabel16I, ImageRgba8U
 
 from mffdrake.recognition import CameraRig, SolidModel
-from mffdrake.systems.camera_info import MakeCameraInfo
-from mffdrake.systems.flat_renderer import AddFlatRenderer, FlatRenderEngine, MakeFlatRenderEngine
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10
-from mffdrake.systems.renderers import RENDERERS, AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, AddCameraFrames, AddPa10
+from mffdrake.systems.cameras.camera_info import MakeCameraInfo
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
+from mffdrake.systems.rendering.flat_renderer import (
+    AddFlatRenderer,
+    FlatRenderEngine,
+    MakeFlatRenderEngine,
+)
+from mffdrake.systems.rendering.renderers import RENDERERS, AddRenderer
 
 RIG = CameraRig.stereo(width=320, height=240, fov_y=math.radians(45.0), baseline=0.150)
 CAMERA = RIG.cameras[0]
@@ -228,7 +232,7 @@ def test_images_outlive_a_first_call_that_compiles(tmp_path):
         )
         from pydrake.math import RigidTransform
         from pydrake.systems.sensors import CameraInfo
-        from mffdrake.systems.flat_renderer import AddFlatRenderer
+        from mffdrake.systems.rendering.flat_renderer import AddFlatRenderer
 
         gc.disable()
         scene_graph = SceneGraph()

@@ -20,9 +20,9 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.systems.frame_recorder import FrameRecorder
-from mffdrake.systems.recognizer import OneStepGaRecognizer
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.frame_recorder import FrameRecorder
+from mffdrake.systems.vision.recognizer import OneStepGaRecognizer
 
 TIMINGS = {
     "33 ms": Timing(),

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mffdrake.systems import graphics
-from mffdrake.systems.graphics import RequireGraphics
+from mffdrake.systems.rendering import graphics
+from mffdrake.systems.rendering.graphics import RequireGraphics
 
-PROBE = Path(graphics.__file__).with_name("_graphics_probe.py")
+PROBE = Path(graphics.__file__).with_name("graphics_probe.py")
 REQUIRE = """
-from mffdrake.systems.graphics import GraphicsUnavailableError, RequireGraphics
+from mffdrake.systems.rendering.graphics import GraphicsUnavailableError, RequireGraphics
 for _ in range(2):  # a failure is not cached
     try:
         RequireGraphics()

@@ -11,16 +11,16 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.hand_path import (
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.systems.arms.hand_path import (
     AddHandPathSource,
     HandPath,
     SolveHandPath,
     UnreachablePathError,
 )
-from mffdrake.systems.inverse_kinematics import ArmKinematics
-from mffdrake.systems.models import ConfigureParser
-from mffdrake.systems.pa10 import DEFAULT_P_EC, AddPa10, MakePa10Plant
+from mffdrake.systems.arms.inverse_kinematics import ArmKinematics
+from mffdrake.systems.arms.models import ConfigureParser
+from mffdrake.systems.arms.pa10 import DEFAULT_P_EC, AddPa10, MakePa10Plant
 
 PAPER_SPEEDS = (0.105, 0.157, 0.314)  # rad/s
 QUARTER = 0.5 * math.pi  # phase [rad] at which the hand is at the end of its arc

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mffdrake.systems.joint_encoders import JointEncoders
+from mffdrake.systems.control.joint_encoders import JointEncoders
 
 STATE = np.linspace(-1.0, 1.0, 14)
 

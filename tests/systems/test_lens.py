@@ -22,11 +22,11 @@ from mffdrake.recognition import (
     SearchModel,
     SolidModel,
 )
-from mffdrake.recognition.pose import pose_from_transform
-from mffdrake.systems.lens import LensDistortion, MakeCoveringPinhole, NeedsLens
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
-from mffdrake.systems.renderers import AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.cameras.lens import LensDistortion, MakeCoveringPinhole, NeedsLens
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
+from mffdrake.systems.rendering.renderers import AddRenderer
 
 BARREL = Distortion("plumb_bob", (-0.25, 0.08, 0.001, -0.0005))
 PINCUSHION = Distortion("plumb_bob", (0.15, 0.05, -0.001, 0.001, 0.01))

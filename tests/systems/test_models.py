@@ -13,8 +13,8 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.systems import models
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.arms import models
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
 
 MODEL_FILES = ("package.xml", "pa10.urdf", "target_box.sdf", "target_box.obj", "target_box.mtl")
 

@@ -13,13 +13,13 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.recognition.parameters import read_parameters
-from mffdrake.systems.arm import ArmModel
-from mffdrake.systems.arm_joints import MovingJoints
-from mffdrake.systems.camera_frames import AddCameraFrames
-from mffdrake.systems.hand_path import HandPath, SolveHandPath, UnreachablePathError
-from mffdrake.systems.inverse_kinematics import ArmKinematics
-from mffdrake.systems.pa10 import MakePa10Plant
-from mffdrake.systems.pd_gains import NaturalFrequency
+from mffdrake.systems.arms.arm import ArmModel
+from mffdrake.systems.arms.arm_joints import MovingJoints
+from mffdrake.systems.arms.hand_path import HandPath, SolveHandPath, UnreachablePathError
+from mffdrake.systems.arms.inverse_kinematics import ArmKinematics
+from mffdrake.systems.arms.pa10 import MakePa10Plant
+from mffdrake.systems.cameras.camera_frames import AddCameraFrames
+from mffdrake.systems.control.pd_gains import NaturalFrequency
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("ur5e", "iiwa14")

@@ -11,7 +11,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, RevoluteJoint, WeldJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from mffdrake.systems.pa10 import (
+from mffdrake.systems.arms.pa10 import (
     DEFAULT_BASELINE,
     DEFAULT_P_EC,
     JOINT_NAMES,

@@ -10,10 +10,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.systems.hand_path import AddHandPathSource, HandPath, SolveHandPath
-from mffdrake.systems.pa10 import JOINT_NAMES, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import AddGravityCompensation, PdController
-from mffdrake.systems.pd_gains import PdGains
+from mffdrake.systems.arms.hand_path import AddHandPathSource, HandPath, SolveHandPath
+from mffdrake.systems.arms.pa10 import JOINT_NAMES, AddPa10, MakePa10Plant
+from mffdrake.systems.control.pd_controller import AddGravityCompensation, PdController
+from mffdrake.systems.control.pd_gains import PdGains
 from mffdrake.systems.timing import Timing
 
 KP, KD = np.array([100.0, 20.0]), np.array([3.0, 0.5])

@@ -11,9 +11,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from mffdrake.recognition.parameters import ParameterError, read_parameters
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, NUM_JOINTS, AddPa10, MakePa10Plant
-from mffdrake.systems.pd_controller import PdController
-from mffdrake.systems.pd_gains import PD_GAINS, NaturalFrequency, PdGains
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, NUM_JOINTS, AddPa10, MakePa10Plant
+from mffdrake.systems.control.pd_controller import PdController
+from mffdrake.systems.control.pd_gains import PD_GAINS, NaturalFrequency, PdGains
 from mffdrake.systems.timing import Timing
 
 

@@ -13,9 +13,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
-from mffdrake.systems.predictor import MffPredictor
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, MakePa10Plant
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.predictor import MffPredictor
 
 ARM = MakePa10Plant()
 PERIOD = 0.033

@@ -30,11 +30,11 @@ from mffdrake.recognition import (
     SearchRange,
     SolidModel,
 )
-from mffdrake.recognition.pose_filter import NUM_NUMBERS
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
-from mffdrake.systems.predictor import MffPredictor
-from mffdrake.systems.recognizer import OneStepGaRecognizer, PoseRecognizer
+from mffdrake.recognition.poses.pose_filter import NUM_NUMBERS
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, MakePa10Plant
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.predictor import MffPredictor
+from mffdrake.systems.vision.recognizer import OneStepGaRecognizer, PoseRecognizer
 
 N = 20
 RIG = CameraRig.stereo(width=160, height=120, focal_length=145.0)

@@ -13,10 +13,10 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.recognition import CameraRig, SolidModel
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
-from mffdrake.systems.pa10 import AddPa10
-from mffdrake.systems.renderers import RENDERERS, AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.arms.pa10 import AddPa10
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
+from mffdrake.systems.rendering.renderers import RENDERERS, AddRenderer
 
 RIG = CameraRig.stereo(width=320, height=240, fov_y=math.radians(45.0))
 CAMERA, LEFT = RIG.cameras

@@ -13,10 +13,10 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.recognition import Camera, CameraRig, SolidModel
-from mffdrake.systems.camera_info import MakeCameraInfo
-from mffdrake.systems.models import ConfigureParser, FindModelsPath
-from mffdrake.systems.renderers import AddRenderer
-from mffdrake.systems.stereo_camera import AddStereoCamera
+from mffdrake.systems.arms.models import ConfigureParser, FindModelsPath
+from mffdrake.systems.cameras.camera_info import MakeCameraInfo
+from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
+from mffdrake.systems.rendering.renderers import AddRenderer
 
 BASELINE = 0.150
 RIG = CameraRig.stereo(width=640, height=480, fov_y=math.radians(45.0), baseline=BASELINE)

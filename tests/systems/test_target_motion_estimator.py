@@ -7,11 +7,14 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from mffdrake.recognition.pose import pose_from_transform, rotation_matrix
-from mffdrake.recognition.pose_filter import PoseFilterParameters, pose_covariance
-from mffdrake.recognition.pose_motion import rotate_by
-from mffdrake.systems.target_motion_estimator import EstimatorParameters, TargetMotionEstimator
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_matrix
+from mffdrake.recognition.poses.pose_filter import PoseFilterParameters, pose_covariance
+from mffdrake.recognition.poses.pose_motion import rotate_by
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision.target_motion_estimator import (
+    EstimatorParameters,
+    TargetMotionEstimator,
+)
 
 CALM = EstimatorParameters(
     motion=PoseFilterParameters(

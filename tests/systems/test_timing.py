@@ -10,13 +10,13 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from mffdrake.experiment.cameras import MakeRig
-from mffdrake.experiment.diagram import MakeHandEyeDiagram
-from mffdrake.experiment.scenario import LoadScenario
-from mffdrake.experiment.target import CalcDesiredPose
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.wiring.cameras import MakeRig
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 from mffdrake.recognition import Generation, SolidModel
 from mffdrake.recognition.parameters import ParameterError
-from mffdrake.systems.models import FindModelsPath
+from mffdrake.systems.arms.models import FindModelsPath
 from mffdrake.systems.timing import Timing
 
 TIMINGS = [

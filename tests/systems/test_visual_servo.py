@@ -8,9 +8,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from mffdrake.recognition.parameters import ParameterError
-from mffdrake.systems.pa10 import NOMINAL_POSITIONS, MakePa10Plant
-from mffdrake.systems.prescribed_target import PrescribedTarget
-from mffdrake.systems.visual_servo import ServoParameters, VisualServoController
+from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS, MakePa10Plant
+from mffdrake.systems.control.visual_servo import ServoParameters, VisualServoController
+from mffdrake.systems.target_motion.prescribed_target import PrescribedTarget
 
 PLANT = MakePa10Plant()
 FRAME = PLANT.GetFrameByName("camera_right")

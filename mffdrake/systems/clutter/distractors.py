@@ -10,7 +10,7 @@ from pydrake.geometry import Box, Sphere
 from mffdrake.recognition.parameters import Count, Positive, Vector3, parameters
 from mffdrake.systems.clutter.moving_shapes import Color, MovingShape
 from mffdrake.systems.clutter.scene_clutter import Array, SceneClutter
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 
 __all__ = ["Distractors"]
 

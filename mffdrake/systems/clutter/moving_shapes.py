@@ -21,7 +21,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from mffdrake.systems._callbacks import Weakly
+from mffdrake.systems.callbacks import Weakly
 
 __all__ = ["AddMovingShapes", "Color", "MovingShape", "MovingShapes"]
 

@@ -11,7 +11,7 @@ from pydrake.geometry import Box
 from mffdrake.recognition.parameters import NonNegative, Positive, Share, Vector3, parameters
 from mffdrake.systems.clutter.moving_shapes import Color, MovingShape
 from mffdrake.systems.clutter.scene_clutter import Array, SceneClutter
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 
 __all__ = ["Occluder"]
 

@@ -18,7 +18,7 @@ from mffdrake.systems.clutter.moving_shapes import (
     MovingShape,
     MovingShapes,
 )
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 
 __all__ = ["Array", "SceneClutter"]
 

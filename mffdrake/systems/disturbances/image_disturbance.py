@@ -11,8 +11,8 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition.parameters import kind_of, parameters
-from mffdrake.systems._callbacks import Weakly
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
 
 __all__ = ["Image", "ImageDisturbance", "PixelDisturbance", "PixelFilter", "WriteImage"]

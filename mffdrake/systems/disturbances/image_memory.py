@@ -13,9 +13,9 @@ from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition.parameters import parameters
-from mffdrake.systems._callbacks import Weakly
+from mffdrake.systems.callbacks import Weakly
 from mffdrake.systems.disturbances.image_disturbance import Image, ImageDisturbance, WriteImage
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
 
 __all__ = ["FrameDisturbance", "ImageMemory"]

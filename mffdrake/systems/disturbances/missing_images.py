@@ -9,7 +9,7 @@ import numpy as np
 from mffdrake.recognition.parameters import Count, NonNegative, Positive, Share, parameters
 from mffdrake.systems.disturbances.image_disturbance import Image, PixelDisturbance
 from mffdrake.systems.disturbances.image_memory import FrameDisturbance
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
 
 __all__ = ["Black", "DroppedFrames", "Frozen", "LateFrames"]

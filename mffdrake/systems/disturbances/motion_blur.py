@@ -8,7 +8,7 @@ from pydrake.systems.framework import LeafSystem
 
 from mffdrake.recognition.parameters import NonNegative, parameters
 from mffdrake.systems.disturbances.image_memory import FrameDisturbance
-from mffdrake.systems.disturbances.random_stream import RandomStream
+from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
 
 __all__ = ["MotionBlur"]

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import pytest
 
-from mffdrake.experiment.main import main
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.commands.main import main
+from mffdrake.experiment.commands.progress import ProgressBar
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 

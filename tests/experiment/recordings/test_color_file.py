@@ -7,13 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.color_file import (
-    ColorFileError,
-    DumpColors,
-    LearnColors,
-    LoadColors,
-    MasksOfPose,
-)
 from mffdrake.recognition import (
     BLUE,
     GREEN,
@@ -25,7 +18,14 @@ from mffdrake.recognition import (
     FaceColor,
     SolidModel,
 )
-from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.poses.pose import transform_from_pose
+from mffdrake.recognition.recordings.color_file import (
+    ColorFileError,
+    DumpColors,
+    LearnColors,
+    LoadColors,
+    MasksOfPose,
+)
 
 BOX = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
 RED_NAME, GREEN_NAME, BLUE_NAME = dict.fromkeys(BOX.materials)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from mffdrake.experiment.recordings.color_file import DumpColors, LoadColors, MasksOfPose
-from mffdrake.experiment.recordings.rig_file import LoadRig
 from mffdrake.recognition import CameraRig, ColorModel, FaceColor, SolidModel
-from mffdrake.recognition.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
+from mffdrake.recognition.recordings.color_file import DumpColors, LoadColors, MasksOfPose
+from mffdrake.recognition.recordings.rig_file import LoadRig
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "cube_v1"
 needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no real images in {REAL}")

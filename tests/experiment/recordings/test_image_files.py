@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.image_files import (
+from mffdrake.recognition.recordings.image_files import (
     ImageFiles,
     ImageSourceError,
     OpenImages,

@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.record import Record, TrackCommand
-from mffdrake.experiment.recordings.tracking import MotionWarning, RecordingFrame, TrackedFrame
-from mffdrake.experiment.recordings.trajectory import LoadTrajectory, SaveTrajectory, Trajectory
-from mffdrake.experiment.scenario import LoadScenario
+from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation.record import Record, TrackCommand
 from mffdrake.recognition import Estimate
+from mffdrake.recognition.recordings.recording import MotionWarning, RecordingFrame, TrackedFrame
+from mffdrake.recognition.recordings.trajectory import LoadTrajectory, SaveTrajectory, Trajectory
 
 SURE = 0.6
 WARNING = "motion feedforward made the prediction worse than none"

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.rig_file import LoadRig
-from mffdrake.experiment.recordings.trajectory import LoadTrajectory
 from mffdrake.recognition import CameraRig
-from mffdrake.recognition.pose import transform_from_pose
+from mffdrake.recognition.poses.pose import transform_from_pose
+from mffdrake.recognition.recordings.rig_file import LoadRig
+from mffdrake.recognition.recordings.trajectory import LoadTrajectory
 
 COLUMNS = [
     "frame", "time", "x", "y", "z", "qx", "qy", "qz", "qw", "fitness", "refined",

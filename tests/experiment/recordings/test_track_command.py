@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mffdrake.experiment.recordings.trajectory import LoadTrajectory
+from mffdrake.recognition.recordings.trajectory import LoadTrajectory
 
 TRACK = "track --rig rec/rig.yaml --target rec/target.obj --start rec/start.tum "
 FOLDERS = "--images right=rec/images/right left=rec/images/left "

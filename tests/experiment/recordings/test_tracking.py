@@ -5,13 +5,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.tracking import (
-    Recording,
-    RecordingError,
-    TrackedFrame,
-    TrackRecording,
-)
-from mffdrake.experiment.recordings.trajectory import Trajectory
 from mffdrake.recognition import (
     BLUE,
     GREEN,
@@ -22,6 +15,13 @@ from mffdrake.recognition import (
     PoseTracker,
     SolidModel,
 )
+from mffdrake.recognition.recordings.recording import (
+    Recording,
+    RecordingError,
+    TrackedFrame,
+    TrackRecording,
+)
+from mffdrake.recognition.recordings.trajectory import Trajectory
 
 RIG = CameraRig.stereo(width=16, height=12)
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from mffdrake.experiment.recordings.trajectory import (
+from mffdrake.recognition.poses.pose import rotation_matrix
+from mffdrake.recognition.recordings.trajectory import (
     LoadPose,
     LoadTrajectory,
     SaveTrajectory,
     Trajectory,
     TrajectoryError,
 )
-from mffdrake.recognition.pose import rotation_matrix
 
 
 def written(folder, text):

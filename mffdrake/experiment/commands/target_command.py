@@ -1,0 +1,186 @@
+"""The command ``target``: what the recognizer makes of a mesh."""
+
+from __future__ import annotations
+
+import argparse
+import colorsys
+import json
+import math
+import textwrap
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mffdrake.experiment.commands.arguments import LoadTarget
+from mffdrake.experiment.simulation.plotting import SaveFigure
+from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
+from mffdrake.recognition.solid.symmetry import Symmetries, find_symmetries
+from mffdrake.recognition.visibility.portrait import Portrait
+
+__all__ = ["DescribeTarget", "PlotTarget", "RunTarget"]
+
+Array = NDArray[np.float64]
+
+_SIDES = ((3, 2, 2), (-3, -2, 2), (2, -3, -2), (-2, 1, 6))
+_DISTANCE = 0.8  # [m] from which faces are judged
+_LEAST_PIXELS = 10.0  # A face narrower than that hardly counts.
+_MOST_NAMED = 3
+_SIZES = (0.01, 3.0)  # [m] Others are probably in other units.
+
+
+def RunTarget(options: argparse.Namespace) -> int:
+    """Draws a mesh as the recognizer knows it, and says what it makes of it.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Returns:
+        The exit status, 0.
+
+    Raises:
+        ArgumentsError: When the mesh is no closed solid with a hue on every face.
+        OSError: When a file cannot be read or written.
+    """
+    solid = LoadTarget(options.mesh)
+    model = SearchModel(solid)
+    told = DescribeTarget(model)
+    folder = MakeOutputFolder(options.out)
+    SaveFigure(PlotTarget(model), folder / "target.png")
+    with WholeFile(folder / "target.json") as part:
+        part.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    size = " x ".join(f"{1e3 * side:.3g}" for side in told["size_m"])
+    kind = "convex" if told["convex"] else "not convex"
+    print(
+        f"{options.mesh}: {size} mm, {told['triangles']} triangles, {told['faces']} faces, "
+        f"{told['edges']} edges, {kind}\nSymmetries: {told['symmetries']}"
+    )
+    for color in told["colors"]:
+        print(
+            f"  {color['name']}: hue {color['hue_deg']:.0f} deg, {1e4 * color['area_m2']:.3g} cm2"
+        )
+    for warning in told["warnings"]:
+        print(f"Warning: {warning}")
+    print(f"Picture and numbers: {folder}/target.png, target.json")
+    return 0
+
+
+def DescribeTarget(model: SearchModel) -> dict[str, Any]:
+    """What the recognizer makes of a solid.
+
+    Args:
+        model: The sampled solid.
+
+    Returns:
+        Sizes, numbers of parts, colors, symmetries and warnings, as plain data.
+    """
+    solid = model.solid
+    of = solid.material_numbers
+    colors = [
+        {
+            "name": name,
+            "hue_deg": math.degrees(solid.hues[of == k][0]),
+            "area_m2": float(solid.areas[of == k].sum()),
+        }
+        for k, name in enumerate(solid.material_names)
+    ]
+    return {
+        "size_m": np.ptp(solid.vertices, axis=0).tolist(),
+        "triangles": len(solid.triangles), "faces": len(solid.faces), "edges": len(solid.edges),
+        "curved_surfaces": int((np.bincount(solid.patches) > 1).sum()),
+        "convex": solid.is_convex, "colors": colors,
+        "inside_points": len(model.inside_points), "edge_points": len(model.edge_points),
+        "symmetries": str(find_symmetries(solid)), "warnings": _Warnings(model),
+    }  # fmt: skip
+
+
+def _Warnings(model: SearchModel) -> list[str]:
+    """What will make it hard to recognize."""
+    solid, names, found = model.solid, model.solid.material_names, []
+    side = float(np.ptp(solid.vertices, axis=0).max())
+    if not _SIZES[0] <= side <= _SIZES[1]:
+        unit = "millimeters" if side > _SIZES[1] else "other units"
+        found.append(
+            f"it is {side:g} m long, so the mesh is probably in {unit}: meshes are in meters; "
+            "scale its vertices"
+        )
+    rig = CameraRig.stereo()
+    alike = Matcher(model, rig).colors.alike(names)
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            if alike[i, j]:
+                found.append(
+                    f"the hues of {names[i]} and {names[j]} overlap: borders between them are "
+                    "not seen; take hues at least 40 deg apart"
+                )
+    if len(names) == 1:
+        found.append("it has one color alone: only its silhouette tells its pose")
+    areas = np.bincount(solid.patches, solid.areas)
+    small = np.flatnonzero(np.sqrt(areas) * rig.cameras[0].fx / _DISTANCE < _LEAST_PIXELS)
+    if len(small):
+        faces = [int(np.flatnonzero(solid.patches == patch)[0]) for patch in small[:_MOST_NAMED]]
+        named = [
+            "face {} ({}) at ({:.3g}, {:.3g}, {:.3g}) m".format(
+                face, solid.materials[face], *(solid.centers[face] + 0.0)
+            )
+            for face in faces
+        ]
+        named += ["..."] if len(small) > _MOST_NAMED else []
+        found.append(
+            f"{len(small)} of {len(areas)} surfaces are less than {_LEAST_PIXELS:g} pixels wide "
+            f"from {_DISTANCE} m and hardly count: {', '.join(named)}"
+        )
+    return found
+
+
+def PlotTarget(model: SearchModel) -> Figure:
+    """A solid from four sides: its colors, edges, inside points and the axes of its symmetries.
+
+    Args:
+        model: The sampled solid.
+    """
+    figure = Figure(figsize=(9.0, 10.0), layout="constrained")
+    symmetries = find_symmetries(model.solid)
+    for axes, direction in zip(figure.subplots(2, 2).flat, _SIDES, strict=True):
+        portrait = Portrait.of(model, np.array(direction) / np.linalg.norm(direction))
+        to_mm = 1e3 * portrait.distance / portrait.focal_length
+        half = 0.5 * to_mm * len(portrait.faces)
+        axes.imshow(_Paint(model.solid, portrait), extent=(-half, half, -half, half))
+        places = [(line, "--") for line in map(portrait.project, _Axes(model.solid, symmetries))]
+        for pixels, style in (*places, (portrait.points, ".")):
+            x, y = (to_mm * (pixels - 0.5 * (len(portrait.faces) - 1))).T
+            axes.plot(x, -y, style, color="0.4" if style == "--" else "black", markersize=2.0)
+        axes.set(xlim=(-half, half), ylim=(-half, half), xlabel="across, about [mm]")
+        axes.set_title("from ({:g}, {:g}, {:g})".format(*direction))
+    lines = [f"Symmetries: {symmetries}", *(f"Warning: {text}" for text in _Warnings(model))]
+    text = "\n".join(textwrap.fill(line, 110) for line in lines)
+    figure.suptitle(text, fontsize="medium", ha="left", x=0.02)
+    return figure
+
+
+def _Axes(solid: SolidModel, symmetries: Symmetries) -> list[Array]:
+    """The ends of the axes about which a solid may be turned [m], each of shape (2, 3)."""
+    axes = [] if len(symmetries.axes) > 1 else [*symmetries.axes]  # Those of a ball are any.
+    for R in symmetries.turns.rotations:
+        values, vectors = np.linalg.eig(R)
+        axis = vectors[:, np.argmin(np.abs(values - 1.0))].real
+        if all(abs(axis @ other) < 0.999 for other in axes):
+            axes.append(axis)
+    reach = 0.6 * solid.size
+    return [np.stack([symmetries.center - reach * d, symmetries.center + reach * d]) for d in axes]
+
+
+def _Paint(solid: SolidModel, portrait: Portrait) -> NDArray[np.uint8]:
+    """The colors of a solid that is seen from a side, with its edges."""
+    colors = np.array([colorsys.hsv_to_rgb(hue / (2.0 * math.pi), 0.8, 1.0) for hue in solid.hues])
+    shade = 0.7 + 0.3 * np.abs(solid.normals @ portrait.axes[2])
+    palette = np.concatenate([colors * shade[:, None], [[1.0, 1.0, 1.0]]])  # -1 is the background
+    image = palette[portrait.faces]
+    patches = np.append(solid.patches, -1)[portrait.faces]
+    edges = np.zeros(patches.shape, dtype=bool)
+    edges[1:] |= patches[1:] != patches[:-1]
+    edges[:, 1:] |= patches[:, 1:] != patches[:, :-1]
+    image[edges] = 0.1
+    return np.rint(255 * image).astype(np.uint8)

@@ -1,0 +1,272 @@
+"""What ``mffdrake track`` does."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses as dc
+import json
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mffdrake.experiment.commands.arguments import (
+    ArgumentsError,
+    ImagesByCamera,
+    LoadTarget,
+)
+from mffdrake.experiment.commands.overlay import MakeOverlay
+from mffdrake.experiment.commands.progress import ProgressBar
+from mffdrake.experiment.scenario.scenario import LoadRecognizer
+from mffdrake.experiment.simulation.evaluation import Versions, WriteCsv
+from mffdrake.experiment.simulation.pictures import SaveImage
+from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
+from mffdrake.recognition import PoseTracker, TrackerParameters
+from mffdrake.recognition.recordings.color_file import LoadColors
+from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
+from mffdrake.recognition.recordings.image_files import OpenImages
+from mffdrake.recognition.recordings.recording import (
+    MotionWarning,
+    Recording,
+    TrackedFrame,
+    TrackRecording,
+)
+from mffdrake.recognition.recordings.rig_file import LoadRig
+from mffdrake.recognition.recordings.trajectory import (
+    LoadPose,
+    LoadTrajectory,
+    SaveTrajectory,
+    Trajectory,
+)
+from mffdrake.recognition.visibility.outline import DrawViews
+
+__all__ = ["RunTrack"]
+
+_log = logging.getLogger("mffdrake")
+
+
+def RunTrack(options: argparse.Namespace) -> int:
+    """Tracks a solid through images, writes its poses and tells what came out.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Returns:
+        The exit status 0.
+
+    Raises:
+        ValueError, OSError: On bad input; what was tracked until then is written.
+    """
+    tracker = _MakeTracker(options)
+    matcher = tracker.ga.matcher
+    given = ImagesByCamera("NAME=SOURCE", options.images)
+    recording = Recording(
+        rig=matcher.rig,
+        sources={name: OpenImages(source) for name, source in given.items()},
+        motion=None if options.motion is None else LoadTrajectory(options.motion),
+        stride=options.stride,
+        rate=options.rate,
+    )
+    folder = MakeOutputFolder(options.out)
+    tracked: list[TrackedFrame] = []
+    try:
+        with (
+            _Bars(recording.count, options.generations) as (on_frame, on_generation),
+            MakeOverlay(options.overlay, folder, options.rate / options.stride) as add_overlay,
+        ):
+            frames = TrackRecording(
+                tracker, recording,
+                generations=options.generations, on_generation=on_generation,
+            )  # fmt: skip
+            for frame in frames:
+                estimate = frame.estimate
+                if options.overlay is not None:
+                    add_overlay(
+                        frame.recorded.frame,
+                        DrawViews(frame.recorded.images, estimate.pose, matcher.solid, matcher.rig),
+                    )
+                tracked.append(frame)
+                # Images are large: only the last frame's are kept.
+                if len(tracked) > 1:
+                    tracked[-2] = tracked[-2].WithoutImages()
+                on_frame(estimate.fitness)
+    finally:
+        if tracked:
+            _Write(tracked, tracker, options, folder)
+    _Tell(tracked, folder)
+    warning = MotionWarning(tracked, tracker.ga.sure_fitness)
+    if warning is not None:
+        _log.warning("%s", warning)
+    return 0
+
+
+def _MakeTracker(options: argparse.Namespace) -> PoseTracker:
+    """The tracker that the options describe."""
+    rig, solid = LoadRig(options.rig), LoadTarget(options.target)
+    colors = None if options.colors is None else LoadColors(options.colors)
+    config = _ReadRecognizer(options.recognizer or "{}")
+    start_pose = np.zeros(6)
+    if options.start == "random":
+        config = dc.replace(config, start="random")
+    elif options.start is not None:
+        config, start_pose = dc.replace(config, start="near_target"), LoadPose(options.start)
+    elif config.start == "near_target":
+        raise ArgumentsError("recognizer.start near_target: --start must name a file with a pose")
+    if options.generations is not None and options.start not in (None, "random"):
+        raise ArgumentsError("--generations searches from nothing: leave --start out")
+    try:
+        tracker = PoseTracker(
+            config.make_tracker(
+                solid=solid, rig=rig, seed=options.seed, start_pose=start_pose, colors=colors
+            )
+        )
+    except ValueError as error:
+        raise ArgumentsError(f"{options.colors or options.target}: {error}") from error
+    search_range = tracker.ga.coding.search_range
+    middle = 0.5 * (search_range.lower + search_range.upper)[:3]
+    if not any(np.isfinite(camera.project(middle)).all() for camera in rig.cameras):
+        _log.warning(
+            "no camera looks toward the middle of the search range, %s m in the rig's frame; set "
+            "it by --recognizer '{search_range: {x: [least, greatest], ...}}'",
+            np.round(middle, 3).tolist(),
+        )
+    return tracker
+
+
+def _ReadRecognizer(given: str) -> TrackerParameters:
+    """The section of a scenario, from a file or from YAML."""
+    if _IsFile(given):
+        try:
+            return LoadRecognizer(Path(given).read_text(encoding="utf-8"))
+        except ValueError as error:
+            text = "not a text file in UTF-8" if isinstance(error, UnicodeError) else str(error)
+            raise ArgumentsError(f"{given}: {text}") from error
+    if not set(given) & set(":{"):
+        raise ArgumentsError(
+            f"--recognizer {given}: no such file, and no YAML such as '{{refinement: borders}}'"
+        )
+    return LoadRecognizer(given)
+
+
+def _IsFile(text: str) -> bool:
+    """Whether a text is a file's name; YAML may be longer than names are."""
+    with contextlib.suppress(OSError):
+        return Path(text).is_file()
+    return False
+
+
+def _Write(
+    tracked: list[TrackedFrame],
+    tracker: PoseTracker,
+    options: argparse.Namespace,
+    folder: Path,
+) -> None:
+    """Writes what was tracked."""
+    WriteCsv([frame.Row() for frame in tracked], folder / "poses.csv")
+    times = np.array([frame.recorded.time for frame in tracked])
+    poses = np.array([frame.estimate.pose for frame in tracked])
+    SaveTrajectory(Trajectory(times, poses), folder / "poses.tum")
+    last = tracked[-1]
+    data = {
+        "settings": {k: v for k, v in vars(options).items() if k not in ("command", "verbose")},
+        "versions": Versions(),
+        "frames": len(tracked),
+        "means": {
+            "fitness": float(np.mean([frame.estimate.fitness for frame in tracked])),
+            "refined": float(np.mean([frame.estimate.refined for frame in tracked])),
+            "ms": float(np.mean([frame.ms for frame in tracked])),
+        },
+        "search": _Search(tracked[0]),
+        "last_refinement": _LastRefinement(last, tracker),
+    }
+    with WholeFile(folder / "track.json") as part:
+        part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    matcher = tracker.ga.matcher
+    views = DrawViews(last.recorded.images, last.estimate.pose, matcher.solid, matcher.rig)
+    SaveImage(views, folder / "last_frame.png")
+    if len(tracked) > 1:
+        fitness = np.array([frame.estimate.fitness for frame in tracked])
+        SaveFigure(PlotTrack(times, poses, fitness), folder / "poses.png")
+
+
+def _Search(first: TrackedFrame) -> dict[str, Any] | None:
+    """How the first frame was searched."""
+    if first.found is None:
+        return None
+    return {
+        "generations": first.found.num_generations,
+        "rounds": first.found.num_rounds,
+        "converged": first.found.converged,
+    }
+
+
+def _LastRefinement(last: TrackedFrame, tracker: PoseTracker) -> dict[str, Any]:
+    """What the refinement says of the last frame's pose."""
+    assert tracker.generation is not None
+    scene = tracker.ga.matcher.scene(last.recorded.images, tracker.generation.gains)
+    result = tracker.ga.refiner.refine_scene(last.estimate.pose, scene)
+    return {
+        "refined": last.estimate.refined,
+        "reason": "" if last.estimate.refined else result.reason,
+        "num_borders": result.num_borders,
+        "explained": result.explained,
+        "residual_px": _Number(result.residual),
+        "expected_residual_px": _Number(result.expected_residual),
+    }
+
+
+def _Number(value: float) -> float | None:
+    """A number that JSON knows."""
+    return value if np.isfinite(value) else None
+
+
+def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:
+    """Prints the last pose and where everything is."""
+    last = tracked[-1]
+    row = last.Row()
+    numbers = ", ".join(f"{row[key]:.4f}" for key in ("x", "y", "z", "qx", "qy", "qz", "qw"))
+    print(
+        f"{len(tracked)} frame{'s' * (len(tracked) > 1)}; the last pose, x y z [m] and quaternion"
+    )
+    print(f"qx qy qz qw in the rig's frame: {numbers}")
+    refined = "not refined"
+    if last.estimate.refined:
+        refined = (
+            f"refined, give or take {row['std_position_mm']:.2f} mm and "
+            f"{row['std_rotation_deg']:.2f} deg"
+        )
+    print(f"Fitness {row['fitness']:.3f}, {refined}.")
+    if last.found is not None:
+        how = "converged" if last.found.converged else "not converged"
+        print(
+            f"Search: {last.found.num_generations} generations in {last.found.num_rounds} rounds, "
+            f"{how}."
+        )
+    print(f"Results and pictures: {folder}/")
+
+
+@contextmanager
+def _Bars(
+    count: int | None, generations: int | None
+) -> Iterator[tuple[Callable[[float], None], Callable[[int, float], None]]]:
+    """Bars over frames and over a search's generations."""
+    with (
+        ProgressBar(
+            total=generations, desc="search", unit="gen", leave=False, disable=generations is None
+        ) as search,
+        ProgressBar(total=count, desc="frames", unit="frame") as bar,
+    ):  # fmt: skip
+
+        def OnFrame(fitness: float) -> None:
+            bar.set_postfix_str(f"fitness {fitness:.2f}", refresh=False)
+            bar.update(1)
+
+        def OnGeneration(number: int, fitness: float) -> None:
+            search.set_postfix_str(f"fitness {fitness:.2f}", refresh=False)
+            search.update(number - search.n)
+
+        yield OnFrame, OnGeneration

@@ -1,0 +1,1 @@
+"""What does the paper claim? Its experiment, with statistics."""

@@ -1,0 +1,201 @@
+"""Pictures of the report: the paper's table, and what the error depends on, with quartiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from mffdrake.experiment.paper.paper_numbers import CELLS, PAPER
+from mffdrake.experiment.paper.reproduction import FindEntry
+from mffdrake.experiment.paper.studies import PAPER_OMEGAS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["AXIS_LABELS", "PlotStudies", "PlotTable", "ShownWindow"]
+
+AXIS_LABELS = {
+    "mean_fitness": "mean fitness", "x_mm": "x [mm]", "y_mm": "y [mm]", "z_mm": "z [mm]",
+    "eps1": "eps1", "eps2": "eps2", "eps3": "eps3",
+    "position_mm": "position [mm]", "rotation_deg": "rotation [deg]",
+}  # fmt: skip
+"""How people call the figures of `Summarize`."""
+
+_COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
+_CURVE_COLORS = {
+    "GA": "tab:orange", "MFF": "tab:blue", "MFF, velocity mode": "tab:cyan",
+    "plain GA": "tab:brown", "MFF + plain GA": "tab:purple",
+}  # fmt: skip
+_METHODS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
+_DODGE = 0.13  # Between the points of one speed, whose distance is 1.
+
+
+def ShownWindow(summary: Sequence[dict[str, Any]]) -> str:
+    """Which frames to show where the search at the start is not the question.
+
+    Args:
+        summary: See `Summarize`.
+
+    Returns:
+        ``settled``, or ``all`` where the runs are too short for that.
+
+    Example:
+        >>> ShownWindow([])
+        'all'
+    """
+    return "settled" if any(entry["settled"]["position_mm"] for entry in summary) else "all"
+
+
+def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
+    """The numbers of the paper's Fig. 8 beside ours: medians with quartiles, over all frames.
+
+    Args:
+        summary: See `Summarize`; with the studies ``near`` and ``random``, as far as they are done.
+
+    Returns:
+        The figure: a panel for the fitness and one for each error, with a logarithmic axis.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+    axes = figure.subplots(2, 4)
+    series = [
+        (method, source) for method in ("ga", "mff") for source in ("paper", "near", "random")
+    ]
+    for axis, cell in zip(axes.flat, (*CELLS, "position_mm"), strict=True):
+        for k, (method, source) in enumerate(series):
+            shift = _DODGE * (k - 0.5 * (len(series) - 1))
+            label = f"{_METHODS[method]}, {_SOURCES[source]}"
+            if source == "paper":
+                at = [n + shift for n in range(len(PAPER_OMEGAS))]
+                values = [PAPER[method, omega][cell] for omega in PAPER_OMEGAS]
+                axis.plot(
+                    at, values, "D", color=_COLORS[method], fillstyle="none", markersize=6,
+                    label=label,
+                )  # fmt: skip
+                continue
+            points = [
+                (n + shift, entry["all"][cell])
+                for n, omega in enumerate(PAPER_OMEGAS)
+                if (entry := FindEntry(summary, source, method, omega)) and entry["all"][cell]
+            ]
+            form, alpha = ("o", 1.0) if source == "near" else ("^", 0.5)
+            _ErrorBars(axis, points, color=_COLORS[method], label=label, fmt=form, alpha=alpha)
+        axis.set_title(AXIS_LABELS[cell], fontsize=10)
+        axis.set_xticks(range(len(PAPER_OMEGAS)), [f"{omega:g}" for omega in PAPER_OMEGAS])
+        axis.set_xlim(-0.5, len(PAPER_OMEGAS) - 0.5)
+        axis.grid(alpha=0.3, axis="y", which="both")
+        if cell != "mean_fitness":
+            _MakeLogarithmic(axis)
+    for axis in axes[-1]:
+        axis.set_xlabel("omega [rad/s]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    order = [f"{name}, {source}" for source in _SOURCES.values() for name in _METHODS.values()]
+    figure.legend(
+        [named[label] for label in order], order, loc="outside lower center", ncols=3, fontsize=9
+    )
+    figure.suptitle(
+        "Mean fitness and root-mean-square errors over all frames: medians with quartiles"
+    )
+    return figure
+
+
+_SOURCES = {"paper": "the paper", "near": "start near the target", "random": "random start"}
+
+
+def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
+    """What the position error depends on, a panel for each question.
+
+    Args:
+        summary: See `Summarize`.
+
+    Returns:
+        The figure: medians with quartiles on a logarithmic axis, the fixed camera's as a line.
+    """
+    from matplotlib.figure import Figure
+
+    window = ShownWindow(summary)
+    figure = Figure(figsize=(13.0, 7.2), layout="constrained")
+    axes = figure.subplots(2, 3)
+    panels: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
+        ("Speed", "omega [rad/s]", (
+            ("random", "ga", "GA"), ("faster", "ga", ""), ("random", "mff", "MFF"),
+            ("faster", "mff", ""), ("velocity", "mff", "MFF, velocity mode"),
+            ("plain", "ga", "plain GA"), ("plain", "mff", "MFF + plain GA"))),
+        ("Latency", "camera latency [frames]", (
+            ("latency", "known", "reckoned with"), ("latency", "ignored", "ignored"))),
+        ("Feedforward gain", "gain", (("gain", "mff", "MFF"),)),
+        ("Hand-eye calibration", "rotation error [deg]", tuple(
+            ("hand_eye", axis, f"about {axis}") for axis in "xyz")),
+        ("Encoder noise", "standard deviation [deg]", (("noise", "mff", "MFF"),)),
+        ("Generations", "generations a frame", (
+            ("generations", "ga", "GA"), ("generations", "mff", "MFF"))),
+    )  # fmt: skip
+    fixed = FindEntry(summary, "fixed", "fixed", 0.0)
+    for axis, (title, label, curves) in zip(axes.flat, panels, strict=True):
+        _PlotCurves(axis, summary, window, curves)
+        if fixed and fixed[window]["position_mm"]:
+            limit = fixed[window]["position_mm"].median
+            axis.axhline(limit, color="0.5", ls="--", lw=1, label="fixed camera")
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel(label)
+        _MakeLogarithmic(axis)
+        axis.grid(alpha=0.3, which="both")
+        if axis.get_legend_handles_labels()[0]:
+            low, high = axis.get_ylim()
+            axis.set_ylim(low, high * (high / low) ** 0.4)  # Room for the legend.
+            axis.legend(loc="upper left", fontsize=8, ncols=2)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("position error (rms) [mm]")
+    frames = "after the first seconds" if window == "settled" else "over all frames"
+    figure.suptitle(f"Position error {frames}: medians with quartiles")
+    return figure
+
+
+def _PlotCurves(
+    axis: Axes,
+    summary: Sequence[dict[str, Any]],
+    window: str,
+    curves: Sequence[tuple[str, str, str]],
+) -> None:
+    """Curves of (study, curve, label); one without a label goes on with the one before."""
+    joined: dict[str, list[tuple[float, Any]]] = {}
+    name = ""
+    for study, curve, label in curves:
+        name = label or name
+        joined.setdefault(name, []).extend(
+            (entry["value"], entry[window]["position_mm"])
+            for entry in summary
+            if (entry["study"], entry["curve"]) == (study, curve) and entry[window]["position_mm"]
+        )
+    for label, points in joined.items():
+        if points:
+            color = _CURVE_COLORS.get(label)
+            points.sort(key=lambda point: point[0])
+            _ErrorBars(axis, points, fmt="o-", label=label, color=color)
+
+
+def _MakeLogarithmic(axis: Axes) -> None:
+    """A logarithmic axis with plain numbers: 0.5, not 5 x 10^-1."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    axis.set_yscale("log")
+    axis.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    for set_formatter in (axis.yaxis.set_major_formatter, axis.yaxis.set_minor_formatter):
+        set_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.tick_params(axis="y", which="both", labelsize=9)
+
+
+def _ErrorBars(axis: Axes, points: Sequence[tuple[float, Any]], **style: Any) -> None:
+    """Medians, with bars from the lower to the upper quartile."""
+    axis.errorbar(
+        [x for x, _ in points],
+        [quartiles.median for _, quartiles in points],
+        yerr=[
+            [quartiles.median - quartiles.low for _, quartiles in points],
+            [quartiles.high - quartiles.median for _, quartiles in points],
+        ],
+        markersize=4, linewidth=1.2, capsize=2, **style,
+    )  # fmt: skip

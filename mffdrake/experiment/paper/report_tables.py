@@ -1,0 +1,288 @@
+"""The report's tables, and what they say in short, as Markdown."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from mffdrake.experiment.paper.oscillation import FitOscillation
+from mffdrake.experiment.paper.paper_numbers import (
+    PAPER,
+    InvarianceRatio,
+    Quartiles,
+    ReachesPaper,
+    Verdict,
+)
+from mffdrake.experiment.paper.report_figures import AXIS_LABELS, ShownWindow
+from mffdrake.experiment.paper.reproduction import FindEntry, Reproduction
+from mffdrake.experiment.paper.studies import PAPER_OMEGAS
+from mffdrake.experiment.runs.study import Study
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER
+
+__all__ = [
+    "INVARIANCE_LIMIT",
+    "InvarianceTable",
+    "OscillationTable",
+    "PaperTable",
+    "StudyTable",
+    "SummaryLines",
+]
+
+INVARIANCE_LIMIT = 1.15
+"""The error is called invariant when it grows by no more than this from slow to fast."""
+
+_METHODS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
+_SLOW, _FAST = PAPER_OMEGAS[0], PAPER_OMEGAS[-1]
+
+
+def _Form(cell: str, value: float) -> str:
+    digits = 4 if cell.startswith("eps") else 3 if cell == "mean_fitness" else 2
+    return f"{value:.{digits}f}"
+
+
+def _WithQuartiles(cell: str, quartiles: Quartiles | None) -> str:
+    if quartiles is None:
+        return "-"
+    low, median, high = (
+        _Form(cell, value) for value in (quartiles.low, quartiles.median, quartiles.high)
+    )
+    return median if quartiles.count == 1 else f"{median} ({low} - {high})"
+
+
+def _Table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def PaperTable(
+    summary: Sequence[dict[str, Any]], study: str, window: str, *, verdicts: bool = True
+) -> str:
+    """The paper's Fig. 8 with our numbers.
+
+    Args:
+        summary: See `Summarize`.
+        study: Name of a study of both methods at the paper's speeds.
+        window: ``all`` or ``settled`` frames.
+        verdicts: Whether to have a column with `Verdict` for each speed.
+
+    Returns:
+        The table: for each method and figure, at each speed, our median with quartiles, the
+        paper's number and the verdict.
+
+    Example:
+        >>> print(PaperTable([], "near", "all").splitlines()[2][:46])
+        | 1-step GA | mean fitness | - | 0.8026 | no n
+    """
+    header = ["method", "figure"]
+    for omega in PAPER_OMEGAS:
+        header += [f"{omega:g} rad/s", "paper", *(["verdict"] if verdicts else [])]
+    rows = []
+    for method, name in _METHODS.items():
+        for cell, label in AXIS_LABELS.items():
+            row = [name, label]
+            for omega in PAPER_OMEGAS:
+                entry = FindEntry(summary, study, method, omega)
+                ours = entry[window][cell] if entry else None
+                paper = PAPER[method, omega][cell]
+                shown = _Form(cell, paper) if cell in ("position_mm", "rotation_deg") else paper
+                row += [_WithQuartiles(cell, ours), str(shown)]
+                if verdicts:
+                    row.append(Verdict(cell, ours.median if ours else None, paper))
+            rows.append(row)
+    return _Table(header, rows)
+
+
+def StudyTable(summary: Sequence[dict[str, Any]], study: Study) -> str:
+    """One line for each of a study's variants.
+
+    Args:
+        summary: See `Summarize`.
+        study: The study.
+
+    Returns:
+        The table: mean fitness, position and rotation error, number of seeds, and why there are
+        no numbers where there are none.
+    """
+    window = ShownWindow(summary)
+    cells = ("mean_fitness", "position_mm", "rotation_deg")
+    header = ["variant", *(AXIS_LABELS[cell] for cell in cells), "seeds", "remark"]
+    rows = [
+        [
+            entry["label"],
+            *(_WithQuartiles(cell, entry[window][cell]) for cell in cells),
+            str(entry["done"]),
+            html.escape(entry["error"] or "", quote=False).replace("|", "\\|"),
+        ]
+        for entry in summary
+        if entry["study"] == study.name
+    ]
+    if not any(row[-1] for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return _Table(header, rows)
+
+
+def OscillationTable(reproduction: Reproduction) -> str:
+    """How the hand swings sideways about its path, at each speed.
+
+    Args:
+        reproduction: What came out.
+
+    Returns:
+        The table, of `FitOscillation` of x, actual minus desired.
+    """
+    header = [
+        "omega [rad/s]", "frequency [Hz]", "decay to 1/e [s]", "damping ratio",
+        "amplitude at 0 s [mm]", "amplitude at 30 s [mm]", "share explained",
+    ]  # fmt: skip
+    rows = []
+    for omega in PAPER_OMEGAS:
+        record = reproduction.records.get(("mff", omega))
+        if record is None:
+            continue
+        swing_mm = 1e3 * (record.actual_hand_pose - record.desired_hand_pose)[:, 0]
+        try:
+            fit = FitOscillation(record.time, swing_mm, slow_omega=omega)
+        except ValueError:
+            rows.append([f"{omega:g}", *["too short a run"], *["-"] * 5])
+            continue
+        rows.append(
+            [
+                f"{omega:g}", f"{fit.frequency_hz:.3f}", f"{fit.decay_s:.1f}",
+                f"{fit.damping_ratio:.4f}", f"{fit.amplitude:.1f}", f"{fit.AmplitudeAt(30.0):.1f}",
+                f"{fit.explained:.2f}",
+            ]
+        )  # fmt: skip
+    return _Table(header, rows)
+
+
+def _Ratio(
+    summary: Sequence[dict[str, Any]], study: str, method: str, window: str
+) -> tuple[float | None, float | None, float | None]:
+    """Position error at the lowest and at the highest speed [mm], and how they compare."""
+    errors = []
+    for omega in (_SLOW, _FAST):
+        entry = FindEntry(summary, study, method, omega)
+        quartiles = entry[window]["position_mm"] if entry else None
+        errors.append(quartiles.median if quartiles else None)
+    return (*errors, InvarianceRatio(*errors))  # type: ignore[return-value]
+
+
+def InvarianceTable(summary: Sequence[dict[str, Any]]) -> str:
+    """How the position error grows with the hand's speed, ours and the paper's.
+
+    Args:
+        summary: See `Summarize`.
+
+    Returns:
+        The table; the fixed camera's error stands beside.
+    """
+    window = ShownWindow(summary)
+    rows = []
+    for study, start in (
+        ("random", "random start"),
+        ("near", "start near the target"),
+        ("refined", "refined"),
+    ):
+        for method, name in _METHODS.items():
+            slow, fast, ratio = _Ratio(summary, study, method, window)
+            rows.append([f"{name}, {start}", *(_Number(x) for x in (slow, fast, ratio))])
+    for method, name in _METHODS.items():
+        slow, fast = (PAPER[method, omega]["position_mm"] for omega in (_SLOW, _FAST))
+        values = (slow, fast, InvarianceRatio(slow, fast))
+        rows.append([f"the paper's {name}, 0-40 s", *(_Number(x) for x in values)])
+    for entry in summary:
+        if entry["study"] == "fixed":
+            error = entry[window]["position_mm"]
+            rows.append([entry["label"], _Number(error.median if error else None), "-", "-"])
+    header = ["method", f"at {_SLOW:g} rad/s [mm]", f"at {_FAST:g} rad/s [mm]", "ratio"]
+    return _Table(header, rows)
+
+
+def _Number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """What agrees with the paper and what does not, from the numbers alone.
+
+    Args:
+        summary: See `Summarize`.
+
+    Yields:
+        Sentences.
+    """
+    for study, start in (("near", "a start near the target"), ("random", "a random start")):
+        cells = [
+            (omega, cell, entry)
+            for omega in PAPER_OMEGAS
+            if (entry := FindEntry(summary, study, "mff", omega)) and entry["done"]
+            for cell in list(AXIS_LABELS)[:7]
+        ]
+        if not cells:
+            continue
+        misses = [
+            (omega, cell, entry) for omega, cell, entry in cells
+            if not ReachesPaper(cell, entry["all"][cell].median, PAPER["mff", omega][cell])
+        ]  # fmt: skip
+        text = (
+            f"With feedforward, from {start}, over all frames, {len(cells) - len(misses)} of "
+            f"{len(cells)} medians are at least as good as the paper's."
+        )
+        late = [
+            (omega, cell, entry) for omega, cell, entry in misses
+            if not entry["settled"][cell] or not ReachesPaper(
+                cell, entry["settled"][cell].median, PAPER["mff", omega][cell])
+        ]  # fmt: skip
+        if len(misses) > len(late):
+            text += f" {len(misses) - len(late)} more are so without the first {SETTLED_AFTER:g} s:"
+            text += " there the search at the start is the reason."
+        if late:
+            text += f" Not so in either window: {_Where(late)}."
+        fitness = [entry["all"]["mean_fitness"].median for _, cell, entry in cells
+                   if cell == "mean_fitness"]  # fmt: skip
+        text += f" Its mean fitness is {_List(fitness, '.3f')}: " + (
+            "at least 0.98 throughout." if min(fitness) >= 0.98 else "below 0.98 somewhere."
+        )
+        yield text
+    parts = []
+    for method, name in (("ga", "without"), ("mff", "with")):
+        entries = [FindEntry(summary, "plain", method, omega) for omega in PAPER_OMEGAS]
+        ours = [entry["all"]["position_mm"].median for entry in entries if entry and entry["done"]]
+        if len(ours) == len(PAPER_OMEGAS):
+            paper = [PAPER[method, omega]["position_mm"] for omega in PAPER_OMEGAS]
+            parts.append(
+                f"{_List(ours, '.1f')} mm {name} feedforward (the paper: {_List(paper, '.1f')} mm)"
+            )
+    if parts:
+        yield (
+            "The plain GA, which is what the paper describes and no more, has position errors of "
+            f"{' and '.join(parts)}."
+        )
+    window = ShownWindow(summary)
+    for method, name in (("mff", "With feedforward"), ("ga", "Without")):
+        _, _, ratio = _Ratio(summary, "near", method, window)
+        if ratio is not None:
+            limit = "at most" if ratio <= INVARIANCE_LIMIT else "above"
+            yield (
+                f"{name}, the position error at {_FAST:g} rad/s is {ratio:.2f} times that at "
+                f"{_SLOW:g} rad/s ({limit} {INVARIANCE_LIMIT:g}); the paper's is "
+                f"{_PaperRatio(method):.2f} times."
+            )
+
+
+def _List(values: Sequence[float], form: str) -> str:
+    return ", ".join(format(value, form) for value in values)
+
+
+def _Where(cells: Sequence[tuple[float, str, Any]]) -> str:
+    """Figures and the speeds at which they are meant."""
+    speeds: dict[str, list[str]] = {}
+    for omega, cell, _ in cells:
+        speeds.setdefault(AXIS_LABELS[cell].split(" [")[0], []).append(f"{omega:g}")
+    parts = [f"{name} at {', '.join(omegas)}" for name, omegas in speeds.items()]
+    return f"{'; '.join(parts)} rad/s"
+
+
+def _PaperRatio(method: str) -> float:
+    return PAPER[method, _FAST]["position_mm"] / PAPER[method, _SLOW]["position_mm"]

@@ -1,0 +1,1 @@
+"""How are many run? Plans, the engine, its store and its tables."""

@@ -1,0 +1,1 @@
+"""Where do they run? In this process, in others, on a cluster."""

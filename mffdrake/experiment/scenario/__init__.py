@@ -1,0 +1,1 @@
+"""What can be set? Everything that a simulation depends on."""

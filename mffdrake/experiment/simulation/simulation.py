@@ -1,0 +1,344 @@
+"""Runs one simulation and records it."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import gc
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, System
+
+from mffdrake.experiment.scenario.scenario import Scenario
+from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
+from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
+from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.recognition.recordings.files import WholeFile
+from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
+
+__all__ = ["Simulate", "SimulationResult"]
+
+Array = NDArray[np.float64]
+
+
+@dc.dataclass(kw_only=True)
+class SimulationResult:
+    """What happened at every frame k of a simulation, K frames in all.
+
+    Attributes:
+        scenario: The scenario as YAML.
+        time: Time of each frame [s], shape (K,).
+        true_pose: Target's pose vector ``(r [m], eps)`` in the first camera C when the frame's
+            images were exposed, shape (K, 6).
+        recognized_pose: The pose recognized from that frame's images; of those that look the same,
+            as the target is symmetric, the one nearest to the true pose, shape (K, 6).
+        fitness: Its fitness, 0 to 1, shape (K,).
+        state: What the tracker says of it, a number of `TrackingState`, shape (K,).
+        confidence: Probability that it is right to 5 mm and 1 deg, NaN where the tracker does not
+            tell it, shape (K,).
+        is_tracking: 1 where the tracker relies on it, else 0, shape (K,).
+        desired_hand_pose: Pose vector of the desired hand in the first hand frame E0, shape (K, 6).
+        actual_hand_pose: The same of the actual hand, shape (K, 6).
+        joint_positions: Arm's n joint angles [rad], shape (K, n).
+        joint_velocities: Their rates [rad/s], shape (K, n).
+        stages_ms: Mean wall time a frame of the stages "render", "recognition", "prediction" and
+            "total" (which includes the dynamics and the control of one frame) [ms].
+        wall_s: Wall time of the simulation [s], without building the diagram and loading the
+            compiled kernels.
+        symmetries: Those of the target, in words.
+    """
+
+    scenario: str
+    time: Array
+    true_pose: Array
+    recognized_pose: Array
+    fitness: Array
+    state: Array
+    confidence: Array
+    is_tracking: Array
+    desired_hand_pose: Array
+    actual_hand_pose: Array
+    joint_positions: Array
+    joint_velocities: Array
+    stages_ms: dict[str, float]
+    wall_s: float
+    symmetries: str = "none"
+
+    def Save(self, path: Path | str) -> None:
+        """Writes everything as an NPZ file, whole or not at all.
+
+        Args:
+            path: The file.
+
+        Raises:
+            OSError: When it cannot be written.
+        """
+        values = {field.name: getattr(self, field.name) for field in dc.fields(self)}
+        stages = values.pop("stages_ms")
+        names, means = np.array(list(stages)), np.array(list(stages.values()))
+        # A file, not a name: NumPy would append a suffix to a name that lacks it.
+        with WholeFile(path) as part, part.open("wb") as file:
+            np.savez_compressed(file, stage_names=names, stage_means_ms=means, **values)
+
+    @classmethod
+    def Load(cls, path: Path | str) -> SimulationResult:
+        """Reads what `Save` wrote.
+
+        Args:
+            path: The file.
+
+        Raises:
+            OSError: When it cannot be read.
+            ValueError: When it is not such a file.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                values = {name: data[name] for name in data.files}
+        except (ValueError, TypeError, AttributeError) as error:
+            raise ValueError(f"{path}: not a record written by SimulationResult.Save") from error
+        stages = dict(
+            zip(
+                values.pop("stage_names").tolist(),
+                values.pop("stage_means_ms").tolist(),
+                strict=True,
+            )
+        )
+        values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
+        values["symmetries"] = str(values.get("symmetries", "none"))
+        for name in ("state", "confidence", "is_tracking"):  # Earlier versions did not record them.
+            values.setdefault(name, np.full(len(values["time"]), np.nan))
+        return cls(stages_ms=stages, **values)
+
+
+def Simulate(
+    scenario: Scenario,
+    *,
+    diagram: Diagram | None = None,
+    on_frame: Callable[[float, float], bool | None] | None = None,
+    on_exposure: Callable[[Context], None] | None = None,
+) -> SimulationResult:
+    """Runs a scenario from time 0 to its duration and records every frame.
+
+    Args:
+        scenario: What to simulate.
+        diagram: The diagram of this very scenario, where it is built already.
+        on_frame: Called after every frame with its simulated time and the wall time so far [s];
+            when it returns True, the simulation ends there, its record that of a shorter scenario.
+        on_exposure: Called at every frame with the diagram's context, just before the recognizer
+            reads the images.
+
+    Returns:
+        The record.
+
+    Raises:
+        ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+
+    Example:
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> result = Simulate(LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}"))
+        >>> result.time
+        array([0.   , 0.033, 0.066, 0.099])
+    """
+    if diagram is None:
+        with _OwnDiagram(scenario) as diagram:
+            return Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure)
+    timing = scenario.timing
+    simulator = Simulator(diagram)
+    _WarmUp(diagram, simulator.get_context())
+    recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())
+    for frame in range(timing.NumFrames(scenario.duration)):
+        tick, next_tick = timing.TickOfFrame(frame), timing.TickOfFrame(frame + 1)
+        # Events at this time run in the next step, so the state here is the one the frame shows.
+        recorder.RecordTruth(timing.TimeOfTick(tick))
+        if on_exposure is not None:
+            on_exposure(simulator.get_context())
+        recorder.Mark()
+        simulator.AdvanceTo(timing.TimeOfTick(tick + 1))
+        recorder.RecordRecognition()
+        end = min(timing.TimeOfTick(next_tick), scenario.duration)
+        # Advancing to the present time would run its events now, before the truth is noted.
+        if end > timing.TimeOfTick(tick + 1):
+            simulator.AdvanceTo(end)
+        recorder.FinishFrame(next_tick - tick)
+        if on_frame is not None and on_frame(simulator.get_context().get_time(), recorder.wall_s):
+            return recorder.Result(dc.replace(scenario, duration=end))
+    return recorder.Result(scenario)
+
+
+@contextmanager
+def _OwnDiagram(scenario: Scenario) -> Iterator[Diagram]:
+    """A diagram that is freed at the end, megabytes at a time.
+
+    Its Python systems and their ports refer to each other. Python's collector sees to that, but
+    for a flaw of Python 3.11 with pydrake's classes, and has no idea how much memory hangs on it.
+    """
+    diagram = MakeHandEyeDiagram(scenario)
+    python_systems = list(_PythonSystems(diagram))
+    try:
+        yield diagram
+    finally:
+        for system in python_systems:
+            vars(system).clear()
+        del diagram, python_systems
+        gc.collect()
+
+
+def _PythonSystems(diagram: Diagram) -> Iterator[System]:
+    """The systems written in Python, also those of diagrams inside."""
+    for system in diagram.GetSystems():
+        if isinstance(system, Diagram):
+            yield from _PythonSystems(system)
+        elif type(system).__module__.partition(".")[0] != "pydrake":
+            yield system
+
+
+def _WarmUp(diagram: Diagram, context: Context) -> None:
+    """Renders once and loads the compiled kernels (the very first time, compiles them).
+
+    That happens once a process and is no part of a frame's time.
+    """
+    tracker = diagram.GetSubsystemByName("recognizer").tracker
+    images = [
+        diagram.GetOutputPort(f"stereo_camera.color_image_{name}").Eval(context).data
+        for name in tracker.rig.names
+    ]
+    tracker.track(tracker.start_population(images, frame=0), images, frame=1)
+
+
+class _Recorder:
+    """Collects the frames and the stages' wall times.
+
+    It reads the images and the prediction just before the recognizer does. The recognizer then
+    finds them computed (Drake caches them), so that each stage can be timed from outside; what is
+    computed stays the same.
+    """
+
+    def __init__(self, scenario: Scenario, diagram: Diagram, context: Context) -> None:
+        self._context = context
+        self._plant = diagram.GetSubsystemByName("plant")
+        self._plant_context = self._plant.GetMyContextFromRoot(context)
+        arm = self._plant.GetModelInstanceByName(scenario.arm.model)
+        self._hand = self._plant.GetFrameByName(scenario.arm.hand_frame, arm)
+        reference = MakeMounts(scenario)[0]
+        self._camera = self._plant.GetFrameByName(reference.frame_name, arm)
+        self._num_joints = self._plant.num_positions()
+        # What the images show, with a delayed camera, is posed apart.
+        self._exposed_state = diagram.GetOutputPort("exposed_state")
+        self._exposed_context = self._plant.CreateDefaultContext()
+        self._target, self._latency = scenario.target, reference.latency
+        self._desired_hand = MakeDesiredHand(scenario)
+        self._X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
+        self._recognizer = diagram.GetSubsystemByName("recognizer")
+        self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
+        self._image_ports = [
+            diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
+            for name in self._recognizer.tracker.rig.names
+        ]
+        self._diagram_context = context
+        self._predicted = None
+        if diagram.HasSubsystemNamed("predictor"):
+            predictor = diagram.GetSubsystemByName("predictor")
+            self._predicted = (
+                predictor.GetOutputPort("predicted_population"),
+                predictor.GetMyContextFromRoot(context),
+            )
+        self._rows: dict[str, list[Array | float]] = {
+            field.name: []
+            for field in dc.fields(SimulationResult)
+            if field.name not in ("scenario", "stages_ms", "wall_s", "symmetries")
+        }
+        self._stages: dict[str, list[float]] = {
+            "render": [], "recognition": [], "prediction": [], "total": [],
+        }  # fmt: skip
+        self._marks: list[float] = []
+        self._start = time.perf_counter()
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time since the start [s]."""
+        return time.perf_counter() - self._start
+
+    def RecordTruth(self, frame_time: float) -> None:
+        """Notes the present state and computes what the recognizer is about to read."""
+        self._marks = [time.perf_counter()]
+        state = self._plant.get_state_output_port().Eval(self._plant_context)
+        X_WE = self._hand.CalcPoseInWorld(self._plant_context)
+        exposed = self._exposed_state.Eval(self._diagram_context)
+        self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
+        X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
+        X_WM = self._target.CalcPose(frame_time - self._latency)
+        for name, value in (
+            ("time", frame_time),
+            ("joint_positions", state[: self._num_joints]),
+            ("joint_velocities", state[self._num_joints :]),
+            ("true_pose", X_WC.InvertAndCompose(X_WM).GetAsMatrix34()),
+            ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
+            (
+                "desired_hand_pose",
+                (self._X_E0W @ self._desired_hand(frame_time)).GetAsMatrix34(),
+            ),
+        ):
+            self._rows[name].append(value)
+        self._marks.append(time.perf_counter())
+        for port in self._image_ports:
+            port.EvalAbstract(self._diagram_context)  # Eval would copy the image.
+        self._marks.append(time.perf_counter())
+        if self._predicted is not None:
+            port, context = self._predicted
+            port.Eval(context)
+        self._marks.append(time.perf_counter())
+
+    def Mark(self) -> None:
+        """Notes that the frame goes on."""
+        self._marks.append(time.perf_counter())
+
+    def RecordRecognition(self) -> None:
+        """Notes what the recognizer made of the frame, one tick later."""
+        self._marks.append(time.perf_counter())
+        context = self._recognizer_context
+        self._rows["recognized_pose"].append(self._recognizer.GetOutputPort("pose").Eval(context))
+        for name in ("fitness", "state", "confidence", "is_tracking"):
+            self._rows[name].append(float(self._recognizer.GetOutputPort(name).Eval(context)[0]))
+
+    def FinishFrame(self, ticks: int) -> None:
+        """Notes the stages' times at the end of a frame."""
+        begin, told, rendered, predicted, resumed, recognized = self._marks
+        end = time.perf_counter()
+        # The recognizer's tick also did what every tick does: control and dynamics.
+        one_tick = (end - recognized) / max(1, ticks - 1)
+        for name, seconds in (
+            ("render", rendered - told),
+            ("prediction", predicted - rendered),
+            ("recognition", max(0.0, recognized - resumed - one_tick)),
+            ("total", end - begin - (resumed - predicted)),
+        ):
+            self._stages[name].append(1e3 * seconds)
+
+    def Result(self, scenario: Scenario) -> SimulationResult:
+        """The record, of a scenario as long as it was simulated."""
+        wall_s = self.wall_s
+        rows = {name: np.array(values) for name, values in self._rows.items()}
+        for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
+            X = rows[name].reshape(-1, 3, 4)
+            rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
+        matcher = getattr(self._recognizer.tracker, "matcher", None)  # Others keep what they know.
+        symmetries = NO_SYMMETRIES if matcher is None else find_symmetries(matcher.solid)
+        rows["recognized_pose"] = np.array(
+            [
+                symmetries.nearest(pose, true)
+                for pose, true in zip(rows["recognized_pose"], rows["true_pose"], strict=True)
+            ]
+        ).reshape(-1, 6)
+        return SimulationResult(
+            scenario=scenario.Dump(),
+            stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
+            wall_s=wall_s,
+            symmetries=str(symmetries),
+            **rows,
+        )

@@ -1,0 +1,1 @@
+"""How is it wired? The parts of a scenario, and their diagram."""

@@ -1,0 +1,1 @@
+"""Where to begin? Poses proposed by blobs of color."""

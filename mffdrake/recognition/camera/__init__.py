@@ -1,0 +1,1 @@
+"""What does a camera do? Lenses, rigs and calibration files."""

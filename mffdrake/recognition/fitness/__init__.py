@@ -1,0 +1,1 @@
+"""How well does a pose match? Colors, points and images."""

@@ -1,0 +1,284 @@
+"""The compiled fitness kernel (numba). Import only where it runs: numba takes time to load."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition.camera.lens import NO_DISTORTION, Eye, Image, distort, magnification
+from mffdrake.recognition.fitness.structs import (
+    ColorGate,
+    Placed,
+    Rules,
+    Samples,
+    Scene,
+    Scratch,
+    Solid,
+    new_placed,
+    place,
+)
+from mffdrake.recognition.poses.rotations import rotation
+from mffdrake.recognition.visibility.drawing import aspect_of
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@njit(cache=True, error_model="numpy")
+def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None:
+    """Finds the pixels that the first ``count`` points fall on."""
+    a, b, c, pixels = scratch.points[0], scratch.points[1], scratch.points[2], scratch.pixels
+    lens = eye.lens
+    R00, R01, R02 = placed.R[0]
+    R10, R11, R12 = placed.R[1]
+    R20, R21, R22 = placed.R[2]
+    tx, ty, tz = placed.p
+    right, below = float(eye.width), float(eye.height)
+    width, nowhere = np.int32(eye.width), np.int32(-1)
+    fx, fy, cu, cv = lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5
+    # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
+    if lens.model == NO_DISTORTION:
+        R00, R01, R02, tx = fx * R00, fx * R01, fx * R02, fx * tx
+        R10, R11, R12, ty = fy * R10, fy * R11, fy * R12, fy * ty
+        for j in range(count):  # without branches, for the compiler to take several at once
+            depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
+            closeness = 1.0 / depth
+            u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness + cu
+            v = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness + cv
+            seen = (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
+            pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
+        return
+    for j in range(count):
+        depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
+        closeness = 1.0 / depth
+        x = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness
+        y = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness
+        near = x * x + y * y <= lens.max_radius_squared
+        x, y = distort(lens, x, y)
+        u, v = x * fx + cu, y * fy + cv
+        seen = near & (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
+        pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
+
+
+@njit(cache=True, error_model="numpy")
+def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: ColorGate) -> int:
+    """Number of points that fall on a pixel of a color that counts: delta of Eq. (21)."""
+    pixels, colors, places, table = scratch.pixels, scratch.colors, gate.places, gate.table
+    matches = 0
+    for j in range(start, stop):
+        if pixels[j] >= 0:
+            k = np.uint64(pixels[j])  # unsigned: without a check for an index from the end
+            shown = table[places[0, image[k, 0]] + places[1, image[k, 1]] + places[2, image[k, 2]]]
+            matches += (shown & colors[j]) != 0
+    return matches
+
+
+@njit(cache=True, error_model="numpy")
+def _place_inside(
+    aspect: int,
+    faces: IntArray,
+    visible: NDArray[np.bool_],
+    scale: float,
+    placed: Placed,
+    solid: Solid,
+    samples: Samples,
+    scratch: Scratch,
+) -> int:
+    """Writes the points of S_in, Eq. (19), moved off their face's sides; returns their number.
+
+    A point must lie ``scale`` off in normalized coordinates, which is
+    `MatchingParameters.min_border_distance` in the image; where a face is seen obliquely, that is
+    more on the face.
+    """
+    points, colors = scratch.points, scratch.colors
+    inside_points, inside_distances = samples.inside_points, samples.inside_distances
+    nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
+    side_centers, side_directions = samples.side_centers, samples.side_directions
+    face_sides, side_inward, R = samples.face_sides, samples.side_inward, placed.R
+    shown = samples.visibility.shown[aspect]
+    depth_0 = placed.p[2]
+    ox, oy, oz = placed.p_MK
+    num_near = inside_distances.shape[1]
+    least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
+    kept = 0
+    for face in faces:
+        if not visible[face]:
+            continue
+        first = samples.face_sides_start[face]
+        greatest = 0.0
+        for s in range(samples.face_sides_start[face + 1] - first):
+            side = face_sides[first + s]
+            a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
+            sx, sy, sz = a - ox, b - oy, c - oz
+            dx, dy, dz = (
+                side_directions[side, 0],
+                side_directions[side, 1],
+                side_directions[side, 2],
+            )
+            nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+            mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
+            inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
+            norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+            across = abs(mx * nx + my * ny + mz * nz)
+            depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+            least[s] = scale * depth * norm / across if across > 0.0 else 0.0
+            greatest = max(greatest, least[s])
+        color = solid.colors[face]
+        for j in range(start[face], start[face + 1]):
+            if not shown[j]:
+                continue
+            a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
+            if nearest[j] < greatest:
+                moved = 0.0
+                for k in range(num_near):
+                    s = inside_sides[j, k]
+                    gap = least[s] - inside_distances[j, k]
+                    if gap > 0.0:
+                        moved += gap
+                        a += gap * inward[s, 0]
+                        b += gap * inward[s, 1]
+                        c += gap * inward[s, 2]
+                clear = True  # Where the face is too narrow, it now is beyond another side.
+                if moved > 0.0:
+                    for k in range(num_near):
+                        s = inside_sides[j, k]
+                        if inside_distances[j, k] < least[s] + moved:  # else it still is clear
+                            side = face_sides[first + s]
+                            distance = (
+                                (a - side_centers[side, 0]) * inward[s, 0]
+                                + (b - side_centers[side, 1]) * inward[s, 1]
+                                + (c - side_centers[side, 2]) * inward[s, 2]
+                            )
+                            clear = clear and distance > (1.0 - 1e-9) * least[s]
+                if not clear:
+                    continue
+            points[0, kept], points[1, kept], points[2, kept] = a, b, c
+            colors[kept] = color
+            kept += 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def _place_strip(
+    first: int,
+    aspect: int,
+    visible: NDArray[np.bool_],
+    scale: float,
+    placed: Placed,
+    solid: Solid,
+    samples: Samples,
+    scratch: Scratch,
+) -> int:
+    """Writes the points of S_out, Eq. (20), from ``first`` on; returns where they end.
+
+    They lie outside the silhouette. Any color of the model counts there, hidden faces' too.
+    """
+    points, colors = scratch.points, scratch.colors
+    edge_points, edge_directions = samples.edge_points, samples.edge_directions
+    edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
+    visibility = samples.visibility
+    counted, rows, R, depth_0 = visibility.points, visibility.rows, placed.R, placed.p[2]
+    ox, oy, oz = placed.p_MK
+    kept = first
+    for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
+        # The edges between a visible and a hidden face
+        k = visibility.edges[entry]
+        inner = 0 if visible[edge_faces[k, 0]] else 1
+        if visible[edge_faces[k, 0]] == visible[edge_faces[k, 1]]:
+            continue
+        # Perpendicular to the edge and to the line of sight (in M), away from the visible face.
+        j0, j1 = visibility.points_start[entry], visibility.points_start[entry + 1]
+        q = counted[j0]
+        a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
+        sx, sy, sz = a - ox, b - oy, c - oz
+        dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
+        nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+        m = edge_inward[k, inner]
+        toward = nx * m[0] + ny * m[1] + nz * m[2]
+        norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if toward > 0.0:
+            norm = -norm
+        nx, ny, nz = nx / norm, ny / norm, nz / norm
+        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+        for row in range(len(samples.strip_offsets)):
+            offset = max(samples.strip_offsets[row], scale * depth)
+            for j in range(j0, j1):
+                if (rows[j] >> row) & 1:
+                    q = counted[j]
+                    points[0, kept] = edge_points[0, q] + offset * nx
+                    points[1, kept] = edge_points[1, q] + offset * ny
+                    points[2, kept] = edge_points[2, q] + offset * nz
+                    colors[kept] = solid.all_colors
+                    kept += 1
+    return kept
+
+
+@njit(cache=True, error_model="numpy")
+def find_visible(
+    faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
+) -> None:
+    """Fills in which of some faces look at the camera."""
+    ox, oy, oz = placed.p_MK
+    normals, centers = solid.normals, solid.centers
+    for k in faces:
+        dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
+        cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
+        visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@njit(cache=True, error_model="numpy")
+def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
+    """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
+    solid, visibility = scene.solid, samples.visibility
+    ox, oy, oz = solid.middle
+    visible = np.empty(len(solid.normals), dtype=np.bool_)
+    most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
+        samples.strip_offsets
+    )
+    scratch = Scratch(
+        np.empty((3, most_points)),
+        np.empty(most_points, dtype=np.uint32),
+        np.empty(most_points, dtype=np.int32),
+    )
+    placed = new_placed()
+    fitness = np.zeros(len(poses))
+    for view in scene.views:
+        lens = view.eye.lens
+        for i in range(len(poses)):
+            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            eye = placed.p_MK
+            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, visibility.grid)
+            start = visibility.faces_start
+            faces = visibility.faces[start[aspect] : start[aspect + 1]]
+            find_visible(faces, placed, solid, rules.min_cosine, visible)
+            z = placed.p[2]
+            pixels_a_unit = magnification(lens, placed.p[0] / z, placed.p[1] / z)
+            scale = (rules.min_border_distance + view.eye.calibration_error) / pixels_a_unit
+            # Lambda of Eq. (21): the inside points of the visible faces
+            count = _place_inside(aspect, faces, visible, scale, placed, solid, samples, scratch)
+            end = _place_strip(count, aspect, visible, scale, placed, solid, samples, scratch)
+            _find_pixels(scratch, end, placed, view.eye)
+            matches = _count_matches(scratch, 0, count, view.pixels, scene.gate)
+            matches -= _count_matches(scratch, count, end, view.pixels, scene.gate)
+            if count > 0 and matches > 0:
+                fitness[i] += matches / count  # Eq. (21), at least zero
+    return fitness / len(scene.views)  # Eq. (22)
+
+
+@njit(cache=True, error_model="numpy")
+def middle_shown(poses: Array, scene: Scene) -> IntArray:
+    """In how many views a solid's middle falls on a pixel of one of its colors, shape (N,)."""
+    shown = np.zeros(len(poses), dtype=np.int64)
+    placed, middle = new_placed(), scene.solid.middle
+    scratch = Scratch(np.empty((3, 1)), np.zeros(1, dtype=np.uint32), np.empty(1, dtype=np.int32))
+    scratch.points[:, 0] = middle
+    scratch.colors[0] = scene.solid.all_colors
+    for view in scene.views:
+        for i in range(len(poses)):
+            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            _find_pixels(scratch, 1, placed, view.eye)
+            shown[i] += _count_matches(scratch, 0, 1, view.pixels, scene.gate)
+    return shown

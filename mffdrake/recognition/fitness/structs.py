@@ -1,0 +1,165 @@
+"""What the compiled functions take: plain numbers and arrays in named tuples (numba; import late).
+
+Numba caches functions of named tuples, and passes tuples of numbers at no cost; one that holds many
+arrays is better taken apart by the caller of an inner loop.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition.camera.lens import Eye, View, in_view
+from mffdrake.recognition.visibility.aspects import Outlines, Visibility
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Bits = NDArray[np.uint32]
+
+
+class ColorGate(NamedTuple):
+    """Which colors of the model a pixel shows, see `ColorModel`.
+
+    Attributes:
+        places: What each value of each channel adds to the place in the table, shape (3, 256).
+        table: For each place one bit a color.
+    """
+
+    places: Bits
+    table: Bits
+
+
+class Solid(NamedTuple):
+    """The solid, see `SolidModel`.
+
+    Attributes:
+        outlines: The segments that may be borders, see `Outlines`.
+        normals: Outward unit normals, shape (F, 3).
+        centers: Faces' centers [m], shape (F, 3).
+        middle: Mean of the corners [m], shape (3,).
+        colors: Bit of each face's color in a `ColorGate`, shape (F,).
+        all_colors: The bits of all of them.
+        kinds: Numbers of the faces' materials, shape (F,).
+        alike: Whether two materials' colors overlap, shape (C, C).
+        free: Unit vectors about which any rotation changes nothing, see `Symmetries`, shape (K, 3).
+    """
+
+    outlines: Outlines
+    normals: Array
+    centers: Array
+    middle: Array
+    colors: Bits
+    all_colors: np.uint32
+    kinds: IntArray
+    alike: NDArray[np.bool_]
+    free: Array
+
+
+class Scene(NamedTuple):
+    """What there is to compare: images, a solid, and how its colors look.
+
+    Attributes:
+        views: One a camera.
+        solid: The solid.
+        gate: Its colors.
+        noise: Standard deviation of the pixels' noise, see `measure_noise`.
+    """
+
+    views: tuple[View, ...]
+    solid: Solid
+    gate: ColorGate
+    noise: float
+
+
+class Samples(NamedTuple):
+    """Its points: the attributes of the same names of `SearchModel`, but for these.
+
+    Attributes:
+        visibility: Which of them count.
+        inside_points: Transposed, shape (3, P).
+        inside_start: As in `SearchModel`.
+        inside_sides: As in `SearchModel`.
+        inside_distances: As in `SearchModel`.
+        nearest: Each inside point's distance to the nearest side [m], shape (P,).
+        face_sides: As in `SearchModel`.
+        face_sides_start: As in `SearchModel`.
+        most_sides: Of a face.
+        side_centers: As in `Sides`.
+        side_directions: As in `Sides`.
+        side_inward: As in `Sides`.
+        edge_points: Transposed, shape (3, Q).
+        edge_directions: As in `SolidModel`.
+        edge_faces: As in `SolidModel`.
+        edge_inward: As in `SolidModel`.
+        strip_offsets: As in `SearchModel`.
+    """
+
+    visibility: Visibility
+    inside_points: Array
+    inside_start: IntArray
+    inside_sides: IntArray
+    inside_distances: Array
+    nearest: Array
+    face_sides: IntArray
+    face_sides_start: IntArray
+    most_sides: int
+    side_centers: Array
+    side_directions: Array
+    side_inward: Array
+    edge_points: Array
+    edge_directions: Array
+    edge_faces: IntArray
+    edge_inward: Array
+    strip_offsets: Array
+
+
+class Rules(NamedTuple):
+    """When a face and a point count: attributes of the same names of `MatchingParameters`."""
+
+    min_cosine: float
+    min_border_distance: float
+
+
+class Scratch(NamedTuple):
+    """Memory for points.
+
+    Attributes:
+        points: In the target's frame, shape (3, n).
+        colors: The bits of the colors that count at each, shape (n,).
+        pixels: The pixel that each falls on, or -1, shape (n,).
+    """
+
+    points: Array
+    colors: Bits
+    pixels: NDArray[np.int32]
+
+
+class Placed(NamedTuple):
+    """A solid at a pose before a camera K: X_KM, and the camera's place in the target's frame."""
+
+    R: Array
+    p: Array
+    p_MK: Array
+
+
+@njit(cache=True, error_model="numpy")
+def place(R_CM: Array, p_CM: Array, eye: Eye, placed: Placed) -> None:
+    """Fills in where a solid lies before a camera, Eq. (13), (16)."""
+    W, R, p = eye.R_KC, placed.R, placed.p
+    for j in range(3):
+        x, y, z = R_CM[0, j], R_CM[1, j], R_CM[2, j]
+        R[0, j] = W[0] * x + W[1] * y + W[2] * z
+        R[1, j] = W[3] * x + W[4] * y + W[5] * z
+        R[2, j] = W[6] * x + W[7] * y + W[8] * z
+    p[0], p[1], p[2] = in_view(eye, p_CM[0], p_CM[1], p_CM[2])
+    for j in range(3):
+        placed.p_MK[j] = -(R[0, j] * p[0] + R[1, j] * p[1] + R[2, j] * p[2])
+
+
+@njit(cache=True, error_model="numpy")
+def new_placed() -> Placed:
+    """Memory for a `Placed`."""
+    return Placed(np.empty((3, 3)), np.empty(3), np.empty(3))

@@ -1,0 +1,1 @@
+"""How is a pose searched? The 1-step GA, Eq. (23)-(28)."""

@@ -1,0 +1,1 @@
+"""Where is it? Pose vectors, their motion, and a filter over time."""

@@ -1,0 +1,311 @@
+"""The compiled steps of the filter on poses (numba). Import only where it runs: it loads slowly.
+
+`PoseFilter` says what is estimated; here is how it is computed. Errors are those of position,
+orientation, linear and angular velocity, and perhaps their rates, seen from the target.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition.poses.cholesky import factor, solve
+from mffdrake.recognition.poses.rotations import multiply, rotation
+
+Array = NDArray[np.float64]
+
+_HALF_TURN = 1e-6  # A quaternion's scalar part up to which rounding hides the angle's covariance
+
+
+@njit(cache=True, error_model="numpy")
+def _product(A: Array, B: Array) -> Array:
+    """A B (numba's own needs SciPy)."""
+    rows, inner, columns = A.shape[0], A.shape[1], B.shape[1]
+    C = np.zeros((rows, columns))
+    for i in range(rows):
+        for k in range(inner):
+            a = A[i, k]
+            if a != 0.0:
+                for j in range(columns):
+                    C[i, j] += a * B[k, j]
+    return C
+
+
+@njit(cache=True, error_model="numpy")
+def _applied(A: Array, x: Array) -> Array:
+    """A x."""
+    y = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            y[i] += A[i, j] * x[j]
+    return y
+
+
+@njit(cache=True, error_model="numpy")
+def _skew(v: Array) -> Array:
+    """S(v), with S(v) x = v x x."""
+    S = np.zeros((3, 3))
+    S[0, 1], S[0, 2], S[1, 2] = -v[2], v[1], -v[0]
+    S[1, 0], S[2, 0], S[2, 1] = v[2], -v[1], v[0]
+    return S
+
+
+@njit(cache=True, error_model="numpy")
+def scalar_part(eps: Array) -> float:
+    """A quaternion's scalar part, not negative."""
+    return math.sqrt(max(0.0, 1.0 - eps[0] ** 2 - eps[1] ** 2 - eps[2] ** 2))
+
+
+@njit(cache=True, error_model="numpy")
+def quaternion_exp(v: Array) -> Array:
+    """Quaternion of a rotation vector [rad], the scalar part first, shape (4,)."""
+    angle = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    share = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
+    q = np.empty(4)
+    q[0], q[1], q[2], q[3] = math.cos(0.5 * angle), share * v[0], share * v[1], share * v[2]
+    return q
+
+
+@njit(cache=True, error_model="numpy")
+def _matrix(q: Array) -> Array:
+    """Rotation matrix of a quaternion, shape (3, 3)."""
+    return rotation(-q[1:] if q[0] < 0.0 else q[1:].copy())  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def rotation_log(q: Array) -> Array:
+    """Rotation vector [rad] of a quaternion, the short way, shape (3,)."""
+    sine = math.sqrt(q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+    share = 2.0 * math.atan2(sine, abs(q[0])) / sine if sine > 0.0 else 2.0
+    if q[0] < 0.0:
+        share = -share
+    return share * q[1:]
+
+
+@njit(cache=True, error_model="numpy")
+def _quaternion(eps: Array, sign: float) -> Array:
+    """Quaternion of an orientation (sign 1) or of its inverse (-1), the scalar part first."""
+    q = np.empty(4)
+    q[0] = scalar_part(eps)
+    q[1:] = sign * eps
+    return q
+
+
+@njit(cache=True, error_model="numpy")
+def right_jacobian(v: Array, sign: float) -> Array:
+    """The J with ``exp(v + d) = exp(v) exp(J d)`` for small d (sign 1), or its inverse (-1)."""
+    S, J = _skew(v), np.eye(3)
+    square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
+    angle = math.sqrt(square)
+    if sign > 0.0:
+        first, second = -0.5, 1.0 / 6.0
+        if square >= 1e-6:
+            first = -(1.0 - math.cos(angle)) / square
+            second = (1.0 - math.sin(angle) / angle) / square
+    else:
+        first, second = 0.5, 1.0 / 12.0
+        if square >= 1e-6:
+            half = 0.5 * angle
+            second = (1.0 - half * math.cos(half) / math.sin(half)) / square
+    T = _product(S, S)
+    for i in range(3):
+        for j in range(3):
+            J[i, j] += first * S[i, j] + second * T[i, j]
+    return J
+
+
+@njit(cache=True, error_model="numpy")
+def body_covariance(pose: Array, covariance: Array) -> Array:
+    """See `pose_filter.body_covariance`."""
+    eps = pose[3:]
+    eta, R, S = scalar_part(eps), rotation(eps), _skew(eps)
+    A = np.zeros((6, 6))
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = R[j, i]
+            # deps = 1/2 (eta I + S(eps)) dtheta, Eq. (6) as seen from the target, for dtheta
+            A[3 + i, 3 + j] = -2.0 * S[i, j]
+            if eta > _HALF_TURN:
+                A[3 + i, 3 + j] += 2.0 / eta * eps[i] * eps[j]
+        A[3 + i, 3 + i] += 2.0 * eta
+    P = _product(_product(A, covariance), A.T)
+    if eta <= _HALF_TURN:
+        mean = 0.5 * (P[3, 3] + P[4, 4] + P[5, 5])
+        for i in range(3):
+            for j in range(3):
+                P[3 + i, 3 + j] += mean * eps[i] * eps[j]
+    return P  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def _exponential(A: Array) -> Array:
+    """The matrix exponential of a small matrix, by its power series of A / 2^k, squared k times."""
+    size, halvings = np.abs(A).max(), 0
+    while size > 0.25:
+        size, halvings = 0.5 * size, halvings + 1
+    term, k = np.eye(len(A)), 0
+    power, total = 0.5**halvings * A, term.copy()
+    while np.abs(term).max() > 1e-18:
+        k += 1
+        term = _product(term, power) / k
+        total += term
+    for _ in range(halvings):
+        total = _product(total, total)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def transition(dt: float, lasting: float, stiffness: float) -> tuple[Array, Array, Array]:
+    """How place p, velocity v and acceleration a go on, each of shape (3, 3).
+
+    ``p' = v, v' = a, a' = -stiffness v - a / lasting`` and white noise of density 1; or, where
+    accelerations do not last, that noise is the acceleration.
+
+    Returns:
+        The transition, its derivative by the stiffness, and the noise's covariance.
+    """
+    A, white = np.zeros((3, 3)), 1
+    A[0, 1] = 1.0
+    if lasting > 0.0:
+        A[1, 2], A[2, 1], A[2, 2], white = 1.0, -stiffness, -1.0 / lasting, 2
+    # Van Loan (1978): exp [[A, B], [0, D]] has the integral of exp(A s) B exp(D (t - s)).
+    both = np.zeros((6, 6))
+    both[:3, :3], both[3:, 3:] = A, A
+    both[2, 4] = -1.0
+    moved = _exponential(dt * both)
+    M = moved[:3, :3].copy()
+    both[:3, 3:], both[3:, 3:] = 0.0, -A.T
+    both[white, 3 + white] = 1.0
+    Q = _product(_exponential(dt * both)[:3, 3:].copy(), M.T.copy())
+    return M, moved[:3, 3:].copy(), 0.5 * (Q + Q.T)
+
+
+@njit(cache=True, error_model="numpy")
+def predict(
+    pose: Array,
+    motion: Array,
+    P: Array,
+    dt: float,
+    lasting: float,
+    densities: tuple[float, float],
+    learned: tuple[float, float],
+) -> tuple[Array, Array, Array]:
+    """Pose, motion and covariance a time later.
+
+    The motion is the twist and, where accelerations last, their six numbers and the two stiffnesses
+    of the linear and of the angular motion. ``densities`` are those of the white noise, ``learned``
+    the share of the stiffnesses that is left after that time, and their variance for good.
+    """
+    n, orders = len(P), 2 if lasting > 0.0 else 1
+    M, dM, noise = np.zeros((2, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    # Ways, velocities and accelerations later, and their derivatives by the stiffness
+    gone, stiffer = np.zeros((3, 6)), np.zeros((3, 6))
+    for part in range(2):  # the linear motion, and the angular one
+        stiffness = motion[12 + part] if orders == 2 else 0.0
+        M[part], dM[part], noise[part] = transition(dt, lasting, stiffness)
+        for r in range(3):
+            for q in range(orders):
+                for i in range(3 * part, 3 * part + 3):
+                    gone[r, i] += M[part, r, 1 + q] * motion[6 * q + i]
+                    stiffer[r, i] += dM[part, r, 1 + q] * motion[6 * q + i]
+    way, turn = gone[0, :3], quaternion_exp(gone[0, 3:])
+    E = _matrix(turn)
+    back, straight = E.T.copy(), np.eye(3)
+    turns = right_jacobian(gone[0, 3:], 1.0)  # how an error of the turn's vector turns it
+    later_pose, later = pose.copy(), np.zeros(len(motion))
+    later_pose[:3] += _applied(rotation(pose[3:]), way)
+    later_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
+    for q in range(orders):
+        later[6 * q : 6 * q + 3] = _applied(back, gone[1 + q, :3])
+        later[6 * q + 3 : 6 * q + 6] = gone[1 + q, 3:]
+
+    F, Q = np.zeros((n, n)), np.zeros((n, n))
+    F[:3, :3], F[3:6, 3:6] = back, back
+    F[:3, 3:6] = -_product(back, _skew(way))
+    for r in range(1 + orders):
+        along = turns if r == 0 else straight
+        for q in range(orders):
+            v, w = 6 + 6 * q, 9 + 6 * q
+            F[6 * r : 6 * r + 3, v : v + 3] = M[0, r, 1 + q] * back
+            F[6 * r + 3 : 6 * r + 6, w : w + 3] = M[1, r, 1 + q] * along
+        if orders == 2:
+            F[6 * r : 6 * r + 3, 18] = _applied(back, stiffer[r, :3])
+            F[6 * r + 3 : 6 * r + 6, 19] = _applied(along, stiffer[r, 3:])
+    for r in range(1 + orders):
+        for q in range(1 + orders):
+            for i in range(6):
+                part = i // 3
+                Q[6 * r + i, 6 * q + i] = densities[part] ** 2 * noise[part, r, q]
+    if orders == 2:
+        for k in range(2):
+            later[12 + k] = learned[0] * motion[12 + k]
+            F[18 + k, 18 + k] = learned[0]
+            Q[18 + k, 18 + k] = (1.0 - learned[0] ** 2) * learned[1]
+    # Where it has turned otherwise, the same vectors are seen from it otherwise.
+    seen = np.zeros((n, 3))
+    for q in range(orders):
+        seen[6 + 6 * q : 9 + 6 * q] = _skew(later[6 * q : 6 * q + 3])
+    F[:, 6:] += _product(seen, F[3:6, 6:].copy())
+    Q += _product(seen, Q[3:6].copy())
+    Q += _product(Q[:, 3:6].copy(), seen.T.copy())
+    return later_pose, later, _product(_product(F, P), F.T.copy()) + Q
+
+
+@njit(cache=True, error_model="numpy")
+def update(
+    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array, last: Array
+) -> tuple[Array, Array, Array, Array, float, float]:
+    """Pose, motion and covariance with a measurement, and its innovation.
+
+    And a sixth of that one's square, and of its product with the last one, by its covariance S.
+    """
+    n = len(P)
+    R = rotation(pose[3:])
+    away = np.empty(6)
+    # The turn from where it was expected to where it was seen, seen from the former
+    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(seen[3:], 1.0))
+    for i in range(3):
+        away[i] = 0.0
+        for j in range(3):
+            away[i] += R[j, i] * (seen[j] - pose[j])
+    away[3:] = rotation_log(between)
+    # The measurement's error, from where it was seen to where it was expected
+    D = np.zeros((6, 6))
+    D[:3, :3] = _matrix(between)
+    D[3:, 3:] = right_jacobian(away[3:], -1.0)
+    N = _product(_product(D, body_covariance(seen, covariance)), D.T.copy())
+    S, L = P[:6, :6] + N, np.zeros((6, 6))
+    if not factor(S, L):
+        return pose, motion, P, away, np.inf, 0.0
+    K = np.empty((n, 6))  # P H^T S^-1
+    for i in range(n):
+        K[i] = solve(L, P[i, :6].copy())
+    change = np.zeros(n)
+    for i in range(n):
+        for j in range(6):
+            change[i] += K[i, j] * away[j]
+    turn = quaternion_exp(change[3:6])
+    # What is left of the error, seen from the target as it has been turned
+    G = np.eye(n)
+    G[:3, :3] = _matrix(turn).T
+    G[3:6, 3:6] = right_jacobian(change[3:6], 1.0)
+    M = _product(G, K)
+    A = G.copy()
+    A[:, :6] -= M
+    # Joseph's form: positive whatever is rounded
+    left = _product(_product(A, P), A.T.copy()) + _product(_product(M, N), M.T.copy())
+    new_pose, new_motion = pose.copy(), motion + change[6:]
+    for i in range(3):
+        for j in range(3):
+            new_pose[i] += R[i, j] * change[j]
+    new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
+    for i in range(12, n - 6):  # stiffnesses
+        new_motion[i] = max(0.0, new_motion[i])
+    weighed, surprise, alike = solve(L, away), 0.0, 0.0
+    for i in range(6):
+        surprise += away[i] * weighed[i] / 6.0
+        alike += last[i] * weighed[i] / 6.0
+    return new_pose, new_motion, 0.5 * (left + left.T), away, surprise, alike

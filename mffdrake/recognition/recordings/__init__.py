@@ -1,0 +1,1 @@
+"""How are images of one's own tracked? Recordings, and their files."""

@@ -1,0 +1,142 @@
+"""Poses over time as text, in the format of the TUM benchmark: time x y z qx qy qz qw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.recognition.poses.pose import quaternion_scalar
+from mffdrake.recognition.recordings.files import WholeFile
+
+__all__ = ["LoadPose", "LoadTrajectory", "SaveTrajectory", "Trajectory", "TrajectoryError"]
+
+Array = NDArray[np.float64]
+
+_COLUMNS = "time x y z qx qy qz qw"
+_UNIT_TOLERANCE = 1e-3
+
+
+class TrajectoryError(ValueError):
+    """A file of poses is wrong; the message is one line for the person who wrote it."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses over time.
+
+    Attributes:
+        times: Of each pose [s], shape (K,).
+        poses: Pose vectors ``(r [m], eps)``, shape (K, 6).
+    """
+
+    times: Array
+    poses: Array
+
+    def __len__(self) -> int:
+        """Number of poses."""
+        return len(self.times)
+
+
+def LoadTrajectory(path: Path | str) -> Trajectory:
+    """Reads a TUM file.
+
+    Args:
+        path: The file: ``time x y z qx qy qz qw`` a line, [s] and [m], separated by blanks or
+            commas; lines that begin with ``#`` do not count.
+
+    Returns:
+        The poses, at least one, in the file's order.
+
+    Raises:
+        TrajectoryError: When a line is wrong; the message names it.
+        OSError: When the file cannot be read.
+    """
+    rows = _Rows(path, (8,))
+    data = np.array(rows)
+    return Trajectory(data[:, 0], np.array([_Pose(path, row[1:]) for row in rows]))
+
+
+def LoadPose(path: Path | str) -> Array:
+    """Reads one pose: the first line of a TUM file, with or without its time.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The pose vector, shape (6,).
+
+    Raises:
+        TrajectoryError: When the line is wrong.
+        OSError: When the file cannot be read.
+    """
+    return _Pose(path, _Rows(path, (7, 8))[0][-7:])
+
+
+def SaveTrajectory(trajectory: Trajectory, path: Path | str) -> None:
+    """Writes a TUM file, whole or not at all, in full precision.
+
+    Args:
+        trajectory: The poses.
+        path: The file.
+
+    Raises:
+        OSError: When it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "poses.tum"
+        >>> SaveTrajectory(Trajectory(np.array([0.1]), np.array([[1.0, 2, 3, 0.6, 0, 0]])), file)
+        >>> LoadTrajectory(file).poses
+        array([[1. , 2. , 3. , 0.6, 0. , 0. ]])
+    """
+    lines = [f"# {_COLUMNS}"]
+    for time, pose in zip(trajectory.times, trajectory.poses, strict=True):
+        numbers = [time, *pose, quaternion_scalar(pose[3:])]
+        lines.append(" ".join(repr(float(number)) for number in numbers))
+    with WholeFile(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _Rows(path: Path | str, counts: Sequence[int]) -> list[list[float]]:
+    """The numbers of every line that counts."""
+    rows: list[list[float]] = []
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(f"{path}: not a text file in UTF-8") from error
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells = line.replace(",", " ").split()
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            row = []
+        if len(row) not in counts or not all(map(math.isfinite, row)):
+            wanted = " or ".join(map(str, counts))
+            raise TrajectoryError(
+                f"{path}: line {number} must be {wanted} numbers ({_COLUMNS}), not "
+                f"'{line.strip()[:60]}'"
+            )
+        rows.append(row)
+    if not rows:
+        raise TrajectoryError(f"{path}: no poses; each is a line of {_COLUMNS}")
+    return rows
+
+
+def _Pose(path: Path | str, numbers: Iterable[float]) -> Array:
+    """Pose vector of x y z qx qy qz qw."""
+    x, y, z, *q = numbers
+    norm = math.sqrt(sum(c * c for c in q))
+    if abs(norm - 1.0) > _UNIT_TOLERANCE:
+        raise TrajectoryError(
+            f"{path}: a quaternion must have the norm 1, not {norm:.6g} ({_COLUMNS})"
+        )
+    # A norm of 1 but for rounding is left alone, so that what was written comes back to the bit.
+    scale = math.copysign(1.0, q[3]) / (1.0 if abs(norm - 1.0) < 1e-15 else norm)
+    return np.array([x, y, z, *(c * scale + 0.0 for c in q[:3])])

@@ -1,0 +1,1 @@
+"""Where exactly? Sub-pixel refinement by color borders."""

@@ -1,0 +1,240 @@
+"""Compiled Gauss-Newton steps on color borders (numba). Import only where it runs.
+
+`BorderRefiner` says what is estimated; here is how it is computed. Slots and lines are those of
+`_edge_lines`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mffdrake.recognition.fitness.structs import Scene
+from mffdrake.recognition.poses.cholesky import factor, invert, solve
+from mffdrake.recognition.poses.rotations import move
+from mffdrake.recognition.refinement.border_steps import (
+    SETTLED,
+    TOO_FEW,
+    UNSETTLED,
+    Equations,
+    Found,
+    Rest,
+    settle,
+)
+from mffdrake.recognition.refinement.borders import (
+    BorderRules,
+    Borders,
+    Stage,
+    find_borders,
+    find_jumps,
+)
+from mffdrake.recognition.refinement.centering import center
+from mffdrake.recognition.refinement.edge_lines import Lines, edge_lines
+from mffdrake.recognition.refinement.residuals import compare, hold_free
+
+Array = NDArray[np.float64]
+
+
+_LEAST_HARDNESS = 0.1
+_SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
+_NEAR = 0.3  # of a window, and
+_AGREED = 0.9  # of the weights: then borders are where they should be, and none is far off.
+_HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
+_SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
+
+
+class Result(NamedTuple):
+    """How a refinement ended.
+
+    Attributes:
+        outcome: `SETTLED`, or why not.
+        pose: The pose vector, shape (6,).
+        covariance: Of translation and rotation vector, both in the rig's frame, shape (6, 6).
+        num_borders: Number of borders.
+        num_jumps: Number of jumps.
+        sought: Number of places where a border was sought.
+        trusted: Mean robust weight of the borders.
+        scale: Root of the mean squared distance of the trusted borders [px].
+        hardness: Of the images.
+        disagreement: See `_disagreement` [m].
+    """
+
+    outcome: int
+    pose: Array
+    covariance: Array
+    num_borders: int
+    num_jumps: int
+    sought: int
+    trusted: float
+    scale: float
+    hardness: float
+    disagreement: float
+
+
+@njit(cache=True, error_model="numpy")
+def _calibration_errs(scene: Scene) -> bool:
+    """Whether a camera's calibration is known to leave an error."""
+    largest = 0.0
+    for view in scene.views:
+        largest = max(largest, view.eye.calibration_error)
+    return largest > 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _calibration_covariance(
+    pose: Array, lines: Lines, found: Found, scene: Scene, L: Array, edge_error: float
+) -> Array:
+    """What errors of the cameras' calibration add to the covariance, shape (6, 6).
+
+    If all that a camera shows is off by (du, dv), the borders of a line with the slope m are off by
+    ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``, less what
+    the borders of an edge are trusted less for the error that they share.
+    """
+    added = np.zeros((6, 6))
+    shared = np.zeros((len(lines), 9))  # of each slot the sums of w J, w by_u, w by_v and w
+    moved = np.zeros((len(scene.views), 2, 6))
+    for marks in (found.borders, found.jumps):
+        residuals, J = np.empty(len(marks)), np.empty((len(marks), 6))
+        compare(pose, lines, marks, scene, residuals, J)
+        for k in range(len(marks)):
+            mark = marks[k]
+            line = lines[mark.slot]
+            v = line.camera
+            by_u, by_v = (1.0, -line.slope) if line.rows else (-line.slope, 1.0)
+            for i in range(6):
+                moved[v, 0, i] += mark.weight * J[k, i] * by_u
+                moved[v, 1, i] += mark.weight * J[k, i] * by_v
+                shared[mark.slot, i] += mark.weight * J[k, i]
+            shared[mark.slot, 6] += mark.weight * by_u
+            shared[mark.slot, 7] += mark.weight * by_v
+            shared[mark.slot, 8] += mark.weight
+    for slot in range(len(lines)):  # as in `normal_equations`
+        c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 8])
+        for i in range(6):
+            moved[lines[slot].camera, 0, i] -= c * shared[slot, i] * shared[slot, 6]
+            moved[lines[slot].camera, 1, i] -= c * shared[slot, i] * shared[slot, 7]
+    for v in range(len(scene.views)):
+        for axis in range(2):
+            step = scene.views[v].eye.calibration_error * solve(L, moved[v, axis])
+            for i in range(6):
+                for j in range(6):
+                    added[i, j] += step[i] * step[j]
+    return added
+
+
+@njit(cache=True, error_model="numpy")
+def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> float:
+    """How far one camera's borders alone would move the pose [m], beyond what chance explains.
+
+    It is the greatest of all cameras; zero for a single one, and for one that sees too little.
+    """
+    largest, num_views = 0.0, len(scene.views)
+    if num_views == 1:
+        return largest
+    residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
+    compare(pose, lines, borders, scene, residuals, J)
+    L = np.zeros((6, 6))
+    for view in range(num_views):
+        N, b = np.zeros((6, 6)), np.zeros(6)
+        for k in range(len(borders)):
+            if lines[borders[k].slot].camera == view:
+                for i in range(6):
+                    for j in range(i + 1):
+                        N[i, j] += borders[k].weight * J[k, i] * J[k, j]
+                    b[i] += borders[k].weight * J[k, i] * residuals[k]
+        hold_free(N, pose, scene.solid)
+        if not factor(N, L):
+            continue
+        step, C = solve(L, b), invert(L)
+        moved = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        largest = max(largest, moved - 3.0 * math.sqrt(C[0, 0] + C[1, 1] + C[2, 2]))
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]) -> Result:
+    """Refines a pose, see `BorderRefiner.refine`."""
+    result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan, 0.0)
+    for index in range(len(stages)):
+        stage, final = stages[index], index == len(stages) - 1
+        # A narrower window would find the same borders again.
+        near = result.scale < _NEAR * stage.window and result.trusted > _AGREED
+        if near and not final:
+            continue
+        result = _refine_once(result.pose, scene, rules, stage, final)
+        if result.outcome != SETTLED:
+            break
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def approach(
+    starts: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Poses stepped toward the borders that are seen from further and further near.
+
+    Returns the poses, shape (N, 6), and which of them found borders in every stage.
+    """
+    poses, arrived = starts.copy(), np.zeros(len(starts), dtype=np.bool_)
+    for n in range(len(starts)):
+        arrived[n] = True
+        for stage in stages:
+            result = _refine_once(poses[n], scene, rules, stage, False)
+            if result.outcome != SETTLED:
+                arrived[n] = False
+                break
+            poses[n] = result.pose
+    return poses, arrived
+
+
+@njit(cache=True, error_model="numpy")
+def _refine_once(
+    start: Array, scene: Scene, rules: BorderRules, stage: Stage, final: bool
+) -> Result:
+    """Finds borders and steps; before the final stage it need not have settled."""
+    pose, solid = start.copy(), scene.solid
+    covariance, L = np.zeros((6, 6)), np.zeros((6, 6))
+    equations = Equations(np.zeros((6, 6)), np.zeros(6))
+    lines = edge_lines(pose, solid, scene.views)
+    borders, sought_by_view = find_borders(pose, lines, scene, rules, stage)
+    sought = sought_by_view.sum()
+    count = len(borders)
+    if count * stage.spacing < rules.min_borders:
+        return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan, 0.0)
+    # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
+    # image and 1/6 on average where every share occurs; rounding to steps of q makes it
+    # (1 - q^2) / 6, so this is q^2.
+    blended = 0.0
+    for k in range(count):
+        blended += borders[k].blended
+    hardness = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * blended / count))
+    jumps = borders[:0]
+    if final and stage.spacing == 1 and hardness > _LEAST_HARDNESS:
+        jumps = find_jumps(borders, lines)
+    found = Found(borders, jumps, stage.spacing, hardness)
+    hard = final and stage.spacing == 1 and hardness > _HARD  # Then `center` does the rest.
+    rest = Rest(stage.steps, final, hard)
+    settled = settle(pose, lines, found, scene, rules, equations, L, rest)
+    if settled.outcome == UNSETTLED and len(jumps) > 0:
+        # In an image that blends them in part, not all that looks like jumps is one.
+        found = Found(borders, jumps[:0], stage.spacing, hardness)
+        settled = settle(pose, lines, found, scene, rules, equations, L, rest)
+    outcome, pose, trusted, scale = settled
+    apart = 0.0
+    if outcome == SETTLED and final:
+        apart = _disagreement(pose, lines, borders, scene)
+        covariance = invert(L)
+        if hard:
+            centered, step, spread = center(pose, lines, borders, scene)
+            if centered:
+                pose = move(pose, step)
+                covariance[:] = _SPREAD * spread
+        if _calibration_errs(scene):
+            covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
+    return Result(
+        outcome, pose, covariance, count, len(found.jumps), sought, trusted, scale, hardness, apart
+    )

@@ -1,0 +1,1 @@
+"""What is the target? A colored, closed surface, and its symmetries."""

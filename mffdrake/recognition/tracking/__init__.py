@@ -1,0 +1,1 @@
+"""How is it followed? Trackers that know when they are lost."""

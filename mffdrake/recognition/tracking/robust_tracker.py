@@ -1,0 +1,338 @@
+"""The 1-step GA that finds its target at once, knows when it has lost it, and comes back."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mffdrake.recognition.acquisition.acquisition import AcquisitionParameters
+from mffdrake.recognition.camera.cameras import CameraRig
+from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images, Matcher
+from mffdrake.recognition.genetic.generation import Generation
+from mffdrake.recognition.genetic.starts import Start
+from mffdrake.recognition.genetic.tracker import OneStepGaTracker
+from mffdrake.recognition.poses.pose import rotation_angle, transform_from_pose
+from mffdrake.recognition.poses.pose_filter import (
+    PoseFilter,
+    PoseFilterParameters,
+    body_covariance,
+    pose_covariance,
+)
+from mffdrake.recognition.poses.tracking_state import TrackingState
+from mffdrake.recognition.refinement.refinement import BorderRefiner
+from mffdrake.recognition.tracking.confidence import Evidence, confidence, probability_within
+from mffdrake.recognition.tracking.sight import Seen, Sight
+
+if TYPE_CHECKING:
+    from mffdrake.recognition.fitness.structs import Scene
+
+Array = NDArray[np.float64]
+
+_NEAR = 20  # proposals where the target was last seen
+_LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
+_MOST_SPREAD = np.repeat([0.100, 0.30], 3)
+_SELDOM = 4  # Every so many frames it searches beside what it relies on.
+_INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
+_STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now may be so far off, ...
+_STALEST = (0.003, np.radians(0.6))  # ... and this far where the target is restless.
+_TURNING = 7.0  # standard deviations, of three axes together, of a change of velocity in a frame
+_UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
+_DOUBT = 0.5  # times its confidence is that of a pose where it was not expected.
+
+PER_FRAME = PoseFilterParameters(
+    acceleration=0.0001, angular_acceleration=0.0004, speed=0.010, angular_speed=0.10,
+    adaptive=True,
+)  # fmt: skip
+"""How a target may move on top of what feedforward tells, with the frame as the unit of time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustTracker:
+    """The 1-step GA with an acquisition before it and a judgement behind it.
+
+    *Searching*, it takes one generation of the GA a frame, as ever, and beside it the
+    `Acquisition`'s proposals and steps. A pose that can be refined and explains enough of its
+    borders is found. Where the solid, turned so that its shape comes to lie on itself, matches as
+    well, its pose is ambiguous.
+
+    *Tracking*, it takes one generation around the predicted pose and refines the best individual.
+    Where that fails, the prediction was poor, and wide steps from it are taken. Where it explains
+    little, it searches beside, now and then. A `PoseFilter` follows the motion that the target has
+    of its own, on top of the hand's where that is fed forward, and carries all hypotheses along.
+
+    *Not seen*, the pose is predicted for some frames, and counts as lost from then on. Meanwhile it
+    searches where the target may be by now, and everywhere.
+
+    All that it carries from frame to frame is in the `Generation`; see `Tracker`.
+
+    Attributes:
+        ga: The 1-step GA with all of its parameters. Its refiner is a `BorderRefiner`.
+        parameters: How it searches and when it believes.
+        motion: How the target may move by itself, with the frame as the unit of time.
+
+    Raises:
+        TypeError: When the GA's refiner is another one.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, SearchModel, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> ga = OneStepGaTracker(matcher=matcher, refiner=BorderRefiner(matcher))
+        >>> tracker = RobustTracker(ga=ga)
+        >>> black = 2 * [np.zeros((480, 640, 3), dtype=np.uint8)]
+        >>> tracker.start_population(black).state.name
+        'SEARCHING'
+    """
+
+    ga: OneStepGaTracker
+    parameters: AcquisitionParameters = field(default_factory=AcquisitionParameters)
+    motion: PoseFilterParameters = PER_FRAME
+
+    def __post_init__(self) -> None:
+        """Checks the refiner."""
+        if not isinstance(self.ga.refiner, BorderRefiner):
+            raise TypeError(
+                f"RobustTracker: ga.refiner must be a BorderRefiner, not a "
+                f"{type(self.ga.refiner).__name__}; without refinement, use the OneStepGaTracker"
+            )
+
+    @property
+    def matcher(self) -> Matcher:
+        """The solid, its colors and the cameras."""
+        return self.ga.matcher
+
+    @property
+    def rig(self) -> CameraRig:
+        """The cameras."""
+        return self.ga.rig
+
+    @property
+    def num_hypotheses(self) -> int:
+        """Number of hypotheses: the population's size."""
+        return self.ga.num_hypotheses
+
+    @property
+    def initial_pose(self) -> Array:
+        """The center of the search range, shape (6,)."""
+        return self.ga.initial_pose
+
+    def with_start(self, start: Start) -> RobustTracker:
+        """The same with another first population."""
+        return dc.replace(self, ga=self.ga.with_start(start))
+
+    def start_population(
+        self, images: Images, *, frame: int = 0, gains: Gains = NO_GAINS
+    ) -> Generation:
+        """Takes the first frame.
+
+        Args:
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            frame: Number of the frame, which the random numbers depend on.
+            gains: White balance.
+
+        Returns:
+            The population, with the target's pose first where it is found.
+        """
+        scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
+        first = self._stamped(self._plain.draw(scene, gains, rng), scene)[0]
+        return self._search(first, images, scene, frame, rng)
+
+    def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
+        """Advances by one frame.
+
+        Args:
+            generation: The last frame's result, its poses carried to this frame (Eq. (23)) or,
+                without motion feedforward, as they were.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            frame: Number of the frame, which the random numbers depend on.
+
+        Returns:
+            The population, the recognized pose first, and what is to be thought of it.
+
+        Raises:
+            ValueError: When the population's size is not the parameters'.
+        """
+        self.ga.check_size(generation)
+        scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
+        generation, is_stale = self._stamped(self._moved(generation), scene)
+        if generation.motion is None or generation.state == TrackingState.LOST:
+            generation = self.ga.breed(generation, scene, rng)
+            return self._search(generation, images, scene, frame, rng)
+        seen, bred = self._look(generation, scene, frame, rng)
+        if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
+            return self._took(bred, seen, images)
+        if is_stale:
+            return self._unseen(generation)
+        return self._search(generation, images, scene, frame, rng)
+
+    def _stamped(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:
+        """With the images' stamps, and whether one was there at the last frame."""
+        from mffdrake.recognition.camera.lens import stamp  # numba: slow to import
+
+        stamps = tuple(stamp(view) for view in scene.views)
+        is_stale = any(new == old for new, old in zip(stamps, generation.stamps, strict=False))
+        return dc.replace(generation, stamps=stamps), is_stale
+
+    def _is_elsewhere(self, seen: Seen, generation: Generation) -> bool:
+        """Whether a pose in an image seen before is not where the target should be by now.
+
+        It should be where its motion has it; or where it was last seen, believed or not. A target
+        that turns back may look the same at two frames, and where it was not expected.
+        """
+        assert generation.motion is not None
+        motion, C = generation.motion, body_covariance(seen.pose, seen.refined.covariance)
+        apart = max(_STALE[0], 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
+        turned = max(_STALE[1], 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
+        apart += _TURNING * motion.unrest * self.motion.acceleration
+        turned += _TURNING * motion.unrest * self.motion.angular_acceleration
+        apart, turned = min(apart, _STALEST[0]), min(turned, _STALEST[1])
+        return all(
+            np.linalg.norm(seen.pose[:3] - pose[:3]) > apart
+            or rotation_angle(seen.pose[3:], pose[3:]) > turned
+            for pose in (motion.pose, generation.best)
+        )
+
+    def _moved(self, generation: Generation) -> Generation:
+        """All hypotheses, carried along with the target's own motion."""
+        if generation.motion is None:
+            return generation
+        return generation.drifted(generation.motion.predict(1.0, self.motion))
+
+    def _look(
+        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
+    ) -> tuple[Seen | None, Generation]:
+        """What the images show near the predicted pose, and the population bred there."""
+        p = self.parameters
+        assert generation.motion is not None
+        predicted = generation.motion.pose
+        bred = self.ga.breed(generation, scene, rng, center=predicted)
+        seen = self.sight.near(bred.best, predicted, scene)
+        if seen is None:
+            return None, bred
+        tracked = generation.is_tracking
+        doubtful = seen.explained.share < p.sure and not (tracked and frame % _SELDOM)
+        if doubtful or generation.state == TrackingState.AMBIGUOUS:
+            other, _ = self.sight.anywhere(scene, bred.poses[:1], frame, rng)
+            if other is not None and not self.sight.is_one(other.pose, seen.pose):
+                better = other.explained.shown / max(1, seen.explained.shown) - 1.0
+                if better > p.margin * (_INSIST if tracked else 1.0):
+                    seen = other
+                elif better > -p.margin and not tracked:  # which it was where others had less
+                    seen = seen._replace(ambiguous=True)
+            elif not tracked:
+                seen = self.sight.resolve(seen, scene)
+        return seen, bred
+
+    def _search(
+        self,
+        generation: Generation,
+        images: Images,
+        scene: Scene,
+        frame: int,
+        rng: np.random.Generator,
+    ) -> Generation:
+        """Takes a frame on which the pose is not known, or only by prediction."""
+        known = generation.poses[:1]
+        if generation.motion is not None:
+            known = np.concatenate([known, self._draw_near(generation.motion, rng)])
+        seen, candidates = self.sight.anywhere(scene, known, frame, rng)
+        if seen is not None:
+            return self._took(dc.replace(generation, motion=None), seen, images)
+        unseen = self._unseen(generation)
+        if unseen.state == TrackingState.PREDICTED or not candidates:
+            return unseen
+        return self.ga.join(unseen, np.stack([one.pose for one in candidates]), scene)
+
+    def _unseen(self, generation: Generation) -> Generation:
+        """A frame whose images say nothing: for a while, the pose is where it should be by now."""
+        motion, lost_for = generation.motion, generation.unseen - self.parameters.patience
+        if motion is None or lost_for >= 0:
+            never = motion is None
+            return dc.replace(
+                generation,
+                covariance=None,
+                state=TrackingState.SEARCHING if never else TrackingState.LOST,
+                confidence=0.0,
+                is_tracking=False,
+                unseen=0 if never else generation.unseen + 1,
+            )
+        certain = min(generation.confidence, probability_within(motion.covariance[:6, :6]))
+        return dc.replace(
+            generation,
+            poses=np.concatenate([motion.pose[None], generation.poses[:-1]]),
+            covariance=pose_covariance(motion.pose, motion.covariance[:6, :6]),
+            state=TrackingState.PREDICTED,
+            confidence=certain,
+            is_tracking=generation.is_tracking and certain >= self.parameters.keep,
+            unseen=generation.unseen + 1,
+        )
+
+    def _draw_near(self, motion: PoseFilter, rng: np.random.Generator) -> Array:
+        """Poses where the target may be by now, shape (K, 6)."""
+        std = np.sqrt(np.diag(motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
+        spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
+        near = motion.pose + spread * rng.standard_normal((_NEAR, 6))
+        near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
+        return np.asarray(near)
+
+    def _took(self, generation: Generation, seen: Seen, images: Images) -> Generation:
+        """A frame whose images show the pose."""
+        p, pose, C = self.parameters, seen.pose, seen.refined.covariance
+        motion, unseen = generation.motion, 0
+        if motion is None:
+            motion = PoseFilter.of(pose, C, self.motion)
+        else:
+            pose, C = self._nearest(pose, C, motion.pose)
+            updated = motion.update(pose, C)
+            if updated.surprise <= _UNEXPECTED:
+                motion = updated
+            elif generation.unseen == 0:  # It may be an image of another time.
+                motion, unseen = motion.surprised(pose, C), 1
+            else:
+                motion = dc.replace(PoseFilter.of(pose, C, self.motion), unrest=motion.unrest)
+        certain = 0.0
+        if not seen.ambiguous:
+            covariance = body_covariance(pose, C)
+            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.surprise)
+            certain = confidence(evidence) * (_DOUBT if unseen else 1.0)
+        is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
+        gains = generation.gains
+        if is_tracking:
+            gains = self.ga.white_balance.adapt(gains, pose, images, self.matcher)
+        return dc.replace(
+            generation,
+            poses=np.concatenate([pose[None], generation.poses[:-1]]),
+            fitness=np.concatenate([[seen.refined.fitness], generation.fitness[:-1]]),
+            covariance=None if seen.ambiguous else C,
+            gains=gains,
+            state=TrackingState.AMBIGUOUS if seen.ambiguous else TrackingState.TRACKING,
+            confidence=certain,
+            is_tracking=is_tracking,
+            unseen=unseen,
+            motion=motion,
+        )
+
+    def _nearest(self, pose: Array, C: Array, expected: Array) -> tuple[Array, Array]:
+        """Of all poses that look like one, the one nearest to an expected one; its covariance."""
+        nearest = self.sight.symmetries.nearest(pose, expected)
+        if np.array_equal(nearest, pose):
+            return pose, C
+        turn = transform_from_pose(nearest)[0].T @ transform_from_pose(pose)[0]
+        both = np.kron(np.eye(2), turn)
+        return nearest, pose_covariance(nearest, both @ body_covariance(pose, C) @ both.T)
+
+    @cached_property
+    def _plain(self) -> OneStepGaTracker:
+        """The GA with no more first candidates than individuals: to find it is not its task."""
+        return dc.replace(self.ga, parameters=dc.replace(self.ga.parameters, first_candidates=1))
+
+    @cached_property
+    def sight(self) -> Sight:
+        """What it looks for the target with, in one frame's images."""
+        assert isinstance(self.ga.refiner, BorderRefiner)  # as was checked
+        return Sight(self.ga.refiner, self.ga.coding.search_range, self.parameters)

@@ -1,0 +1,1 @@
+"""What is seen of it? Points, aspects and outlines."""

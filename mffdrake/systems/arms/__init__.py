@@ -1,0 +1,1 @@
+"""What moves the cameras? Arms, their kinematics, the hand's path."""

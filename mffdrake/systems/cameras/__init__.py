@@ -1,0 +1,1 @@
+"""What do cameras see, and when? Sensors, frames, lenses, latency."""

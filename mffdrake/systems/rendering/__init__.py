@@ -1,0 +1,1 @@
+"""What draws? Renderers, surfaces, graphics and Meshcat."""

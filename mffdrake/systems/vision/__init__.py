@@ -1,0 +1,1 @@
+"""What recognizes? The recognizer, motion feedforward and the target's motion."""
