@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from processes import call_all
 from tables import markdown
 
-from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.runs.store import CodeFingerprint
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel

@@ -28,7 +28,7 @@ from robustness_conditions import MOTIONS, conditions, motion, texts
 from robustness_page import METHODS, percent
 from tables import markdown
 
-from mffdrake.experiment.runs.fingerprint import CodeFingerprint
+from mffdrake.experiment.runs.store import CodeFingerprint
 from mffdrake.experiment.scenario.scenario import Change
 from mffdrake.experiment.simulation.plotting import SaveFigure
 from mffdrake.recognition.acquisition.acquisition import AcquisitionParameters

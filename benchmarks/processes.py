@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
-from mffdrake.experiment.commands.progress import ProgressBar
+from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
 
 T = TypeVar("T")

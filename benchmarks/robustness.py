@@ -10,91 +10,63 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-import robustness_page
-import robustness_picture
-from robustness_conditions import MOTIONS, Condition, conditions, motion
+from studies import robustness_page, robustness_picture
+from studies.robustness_conditions import MOTIONS, conditions, motion
 
-from mffdrake.experiment.commands.progress import RunBar
-from mffdrake.experiment.runs.executors.executors import Executor, Outcome
+from mffdrake.experiment.progress import RunBar
+from mffdrake.experiment.runs.engine import PlannedRun, RunPlan
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses, UsableCores
-from mffdrake.experiment.runs.fingerprint import CodeFingerprint
-from mffdrake.experiment.runs.grid import Grid, MakeGrid
-from mffdrake.experiment.runs.sweep import Sweep
-from mffdrake.experiment.simulation.evaluation import WriteCsv
+from mffdrake.experiment.runs.store import STORE_NAME, CodeFingerprint, RunStore
+from mffdrake.experiment.runs.table import WriteRows
+from mffdrake.experiment.scenario.scenario import Change
+from mffdrake.experiment.simulation.evaluation import FlattenRow
 from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 
 ROOT = Path(__file__).parents[1]
 FIRST_SEED = 1000  # apart from those that the parameters were tuned on
-METHODS = ["ga", "mff"]
 
 
-class Lent:
-    """An executor's workers, which one sweep leaves to the next."""
-
-    def __init__(self, executor: Executor) -> None:
-        self._executor = executor
-
-    def __enter__(self) -> Lent:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        pass
-
-    def Run(
-        self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]
-    ) -> Iterator[Outcome]:
-        return self._executor.Run(function, arguments)
-
-
-def plan(options: argparse.Namespace) -> list[tuple[Condition, str, Grid]]:
-    """What to run: a grid for each condition and motion."""
-    known = list(conditions(options.duration))
+def plan(options: argparse.Namespace) -> list[PlannedRun]:
+    """The runs: conditions x motions x methods x seeds."""
+    known = [(group, strength, changes, condition_name(group, strength))
+             for group, strength, changes in conditions(options.duration)]  # fmt: skip
     for name in options.only:
-        if not any(name in (condition.group, condition.name) for condition in known):
-            names = ", ".join(dict.fromkeys(c.group for c in known))
+        if not any(name in (group, condition) for group, _, _, condition in known):
+            names = ", ".join(dict.fromkeys(group for group, *_ in known))
             raise SystemExit(
                 f"robustness.py: --only must be some of {names}, or of their conditions such as "
-                f"{known[1].name}, not '{name}'"
+                f"{known[1][-1]}, not '{name}'"
             )
-    chosen = [c for c in known if not options.only or {c.group, c.name} & set(options.only)]
-    seeds = [FIRST_SEED + k for k in range(options.seeds)]
     return [
-        (
-            condition,
-            name,
-            MakeGrid(
-                {"scenario": condition.changes, "grid": {"method": METHODS}, "seeds": seeds},
-                scenario=motion(name, options.duration),
-            ),
+        PlannedRun(
+            scenario=Change(motion(name, options.duration),
+                            {**changes, "method": method, "seed": FIRST_SEED + k}),
+            labels={"group": group, "strength": strength, "motion": name, "method": method},
         )
-        for condition in chosen
-        for name in MOTIONS
-    ]
+        for group, strength, changes, condition in known
+        if not options.only or {group, condition} & set(options.only)
+        for name in MOTIONS for method in robustness_page.METHODS for k in range(options.seeds)
+    ]  # fmt: skip
+
+
+def condition_name(group: str, strength: str) -> str:
+    """A condition's name on the command line."""
+    text = f"{group} {strength}".replace("%", "percent")
+    return "-".join("".join(c if c.isalnum() or c in "._" else " " for c in text).split())
 
 
 def run(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """All runs' rows, kept ones included, with what they are of."""
-    grids = plan(options)
+    """All runs' rows, kept ones included."""
+    runs = plan(options)
     logging.getLogger("mffdrake").setLevel(logging.ERROR)  # Thousands would warn of the same.
-    rows = []
-    total = sum(len(grid.runs) for _, _, grid in grids)
-    with LocalProcesses(options.workers) as executor, RunBar(total, "robustness") as on_run:
-        for condition, name, grid in grids:
-            folder = MakeOutputFolder(options.out / name / condition.name)
-            table = Sweep(grid, folder, executor=Lent(executor), file_format="csv", on_run=on_run)
-            what = {"group": condition.group, "strength": condition.strength, "motion": name}
-            rows += [what | row for row in table.to_pylist()]
-    return rows
+    store = RunStore(MakeOutputFolder(options.out) / STORE_NAME)
+    with RunBar(runs) as on_run:
+        place = LocalProcesses(options.workers)
+        return [FlattenRow(one.Row()) for one in RunPlan(runs, store, executor=place, on_run=on_run)]
 
 
 def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -120,7 +92,7 @@ def main() -> None:
     except KeyboardInterrupt:
         print(f"\ninterrupted; the same command goes on with what is in {options.out}")
         sys.exit(130)
-    WriteCsv(rows, options.out / "rows.csv")
+    WriteRows(rows, options.out / "rows.csv")
     page, picture = options.docs / "robustness.md", options.docs / "images" / "robustness.png"
     MakeOutputFolder(picture.parent)
     done = [row for row in rows if row["status"] == "done"]

@@ -70,7 +70,7 @@ def run_python(code):
 
 def test_the_imports_that_are_there_are_found():
     """What the checks below rest on."""
-    assert "pydrake.math.RigidTransform" in imported(PACKAGE / "systems" / "pa10.py")
+    assert "pydrake.math.RigidTransform" in imported(PACKAGE / "systems" / "arms" / "pa10.py")
     assert room_imports("systems", "pydrake")
     assert room_imports("systems", "mffdrake.recognition")
     assert room_imports("experiment", "mffdrake.systems")

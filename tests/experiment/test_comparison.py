@@ -5,7 +5,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from mffdrake.experiment.runs.comparison import Compare, MakeVariants
+from mffdrake.experiment.runs.compare import Compare, MakeVariants
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, ScenarioError
 from mffdrake.systems.arms.inverse_kinematics import UnreachablePathError
 
@@ -87,7 +87,7 @@ def test_results_come_in_the_order_of_the_scenarios(scenarios, alone):
 
 def test_two_processes_give_the_same_bits_in_the_same_order(scenarios, alone):
     told = []
-    together = Compare(scenarios, workers=2, on_result=lambda result, kept: told.append(result))
+    together = Compare(scenarios, workers=2, on_run=lambda run: told.append(run.frames))
     assert len(told) == len(scenarios)
     assert {id(result) for result in told} == {id(result) for result in together}
     assert multiprocessing.active_children() == []
@@ -99,11 +99,9 @@ def test_two_processes_give_the_same_bits_in_the_same_order(scenarios, alone):
 
 def test_runs_that_are_kept_are_not_repeated_and_give_the_same_bits(scenarios, alone, tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        Compare(scenarios[1:], folder=tmp_path, on_result=interrupt)  # at the first run's end
+        Compare(scenarios[1:], folder=tmp_path, on_run=interrupt)  # at the first run's end
     told = []
-    results = Compare(
-        scenarios[1:], folder=tmp_path, on_result=lambda result, kept: told.append(kept)
-    )
+    results = Compare(scenarios[1:], folder=tmp_path, on_run=lambda run: told.append(run.was_kept))
     assert told == [True, False, False]
     for ours, theirs in zip(results, alone[1:], strict=True):
         assert ours.scenario == theirs.scenario
@@ -111,16 +109,16 @@ def test_runs_that_are_kept_are_not_repeated_and_give_the_same_bits(scenarios, a
             assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
     told.clear()
     other = [Change(scenarios[1], {"seed": 99})]
-    Compare(other, folder=tmp_path, on_result=lambda result, kept: told.append(kept))
+    Compare(other, folder=tmp_path, on_run=lambda run: told.append(run.was_kept))
     assert told == [False]
     for file in (tmp_path / "records").iterdir():
         file.write_bytes(b"damaged")
     told.clear()
-    Compare(other, folder=tmp_path, on_result=lambda result, kept: told.append(kept))
+    Compare(other, folder=tmp_path, on_run=lambda run: told.append(run.was_kept))
     assert told == [False]
 
 
-def interrupt(result, kept):
+def interrupt(run):
     raise KeyboardInterrupt
 
 
@@ -133,7 +131,7 @@ def test_seeds_and_methods_make_a_difference(alone):
 
 def test_one_process_tells_of_every_run_when_it_is_done(scenarios):
     told = []
-    results = Compare(scenarios[2:], on_result=lambda result, kept: told.append(result))
+    results = Compare(scenarios[2:], on_run=lambda run: told.append(run.frames))
     assert [id(result) for result in told] == [id(result) for result in results]
 
 

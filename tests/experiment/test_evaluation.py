@@ -8,15 +8,12 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
+from mffdrake.experiment.runs.table import GroupRows, MarkdownTable, WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.evaluation import (
     SETTLED_AFTER,
-    TRACKING_SHARES,
     Evaluate,
-    MarkdownTable,
-    Medians,
     Versions,
-    WriteResults,
 )
 from mffdrake.experiment.simulation.recovery import RECOVERY
 from mffdrake.experiment.simulation.simulation import SimulationResult
@@ -191,22 +188,26 @@ def test_medians_are_of_the_seeds_of_one_method_and_speed():
         *rows_of_seeds([0.010, 0.030], [0.6, 0.5], method="ga"),
         *rows_of_seeds([0.007], [0.7], method="ga", hand_path="{omega: 0.314}"),
     ]
-    medians = Medians(rows)
-    assert [(m["method"], m["omega"], m["seeds"]) for m in medians] == [
+    groups = GroupRows(rows, ("method", "omega"))
+    assert [(*group.labels.values(), len(group.done)) for group in groups] == [
         ("mff", 0.105, 3), ("ga", 0.105, 2), ("ga", 0.314, 1),
     ]  # fmt: skip
-    assert [m["rms"]["x_mm"] for m in medians] == pytest.approx([3.0, 20.0, 7.0])
-    assert [m["rms_settled"]["x_mm"] for m in medians] == pytest.approx([3.0, 20.0, 7.0])
-    assert [m["mean_fitness"] for m in medians] == pytest.approx([0.8, 0.55, 0.7])
-    assert [m["mean_fitness_settled"] for m in medians] == pytest.approx([0.8, 0.55, 0.7])
-    assert medians[0]["realtime_factor"] == pytest.approx(10.0)  # 40 s in 4 s
+
+    def medians(name):
+        return [group.Quartiles(name).median for group in groups]
+
+    assert medians("rms.x_mm") == pytest.approx([3.0, 20.0, 7.0])
+    assert medians("rms_settled.x_mm") == pytest.approx([3.0, 20.0, 7.0])
+    assert medians("mean_fitness") == pytest.approx([0.8, 0.55, 0.7])
+    assert medians("mean_fitness_settled") == pytest.approx([0.8, 0.55, 0.7])
+    assert medians("realtime_factor")[0] == pytest.approx(10.0)  # 40 s in 4 s
 
 
 def test_medians_of_figures_that_are_missing_are_missing():
-    (median,) = Medians(rows_of_seeds([0.001, 0.003], time=SHORT))
-    assert median["mean_fitness_settled"] is None
-    assert median["rms_settled"]["position_mm"] is None
-    assert median["rms"]["position_mm"] == pytest.approx(2.0)
+    (group,) = GroupRows(rows_of_seeds([0.001, 0.003], time=SHORT), ("method",))
+    assert group.Quartiles("mean_fitness_settled") is None
+    assert group.Quartiles("rms_settled.position_mm") is None
+    assert group.Quartiles("rms.position_mm").median == pytest.approx(2.0)
 
 
 # Files.
@@ -214,7 +215,7 @@ def test_medians_of_figures_that_are_missing_are_missing():
 
 def test_results_json_has_every_key_of_the_schema_in_order(tmp_path):
     rows = rows_of_seeds([0.001, 0.002])
-    WriteResults(rows, tmp_path)
+    WriteJson({"runs": rows}, tmp_path / "results.json")
     assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
     data = json.loads((tmp_path / "results.json").read_text())
     assert list(data) == ["runs", "versions"]
@@ -226,7 +227,7 @@ def test_results_json_has_every_key_of_the_schema_in_order(tmp_path):
 
 
 def test_missing_figures_are_null_in_json(tmp_path):
-    WriteResults(rows_of_seeds([0.001], time=SHORT), tmp_path)
+    WriteJson({"runs": rows_of_seeds([0.001], time=SHORT)}, tmp_path / "results.json")
 
     def refuse(constant):
         raise AssertionError(f"{constant} is no JSON")
@@ -245,7 +246,7 @@ def test_versions_are_those_of_what_the_numbers_depend_on():
 
 def test_results_csv_has_one_line_a_run_and_a_column_a_figure(tmp_path):
     rows = rows_of_seeds([0.001, 0.002, 0.003])
-    WriteResults(rows, tmp_path, as_csv=True)
+    WriteRows(rows, tmp_path / "results.csv")
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + len(rows)
     with (tmp_path / "results.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
@@ -260,25 +261,25 @@ def test_results_csv_has_one_line_a_run_and_a_column_a_figure(tmp_path):
     columns |= {
         f"{section}.{key}" for section in ("rms", "rms_settled", "rms_tracked") for key in RMS_KEYS
     }
-    columns |= {f"tracking.{key}" for key in TRACKING_SHARES}
+    columns |= {f"tracking.{key}" for key in ("right", "says_so", "false", "missed")}
     columns |= {f"recovery.{key}" for key in RECOVERY}
     columns |= {f"stages_ms.{stage}" for stage in STAGES}
     assert set(read[0]) == columns
 
 
 def test_missing_figures_are_empty_in_csv(tmp_path):
-    WriteResults(rows_of_seeds([0.001], time=SHORT), tmp_path, as_csv=True)
+    WriteRows(rows_of_seeds([0.001], time=SHORT), tmp_path / "results.csv")
     with (tmp_path / "results.csv").open(newline="") as file:
         (line,) = csv.DictReader(file)
     assert line["mean_fitness_settled"] == line["rms_settled.x_mm"] == ""
-    assert line["mean_fitness"] == "1.0"
+    assert float(line["mean_fitness"]) == 1.0
 
 
 def test_a_failure_leaves_the_old_results_as_they_were(tmp_path):
-    WriteResults(rows_of_seeds([0.001]), tmp_path)
+    WriteJson({"runs": rows_of_seeds([0.001])}, tmp_path / "results.json")
     before = (tmp_path / "results.json").read_bytes()
     with pytest.raises(TypeError):
-        WriteResults([{"method": object()}], tmp_path)
+        WriteJson({"runs": [{"method": object()}]}, tmp_path / "results.json")
     assert (tmp_path / "results.json").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
 

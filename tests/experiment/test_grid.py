@@ -9,7 +9,7 @@ from mffdrake.experiment.scenario.scenario import LoadScenario, ScenarioError
 
 
 def combinations(grid):
-    return [(*run.values.values(), run.seed) for run in grid.runs]
+    return [(*run.labels.values(), run.scenario.seed) for run in grid.runs]
 
 
 def load(text, tmp_path, **options):

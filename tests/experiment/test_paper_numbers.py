@@ -7,10 +7,10 @@ from mffdrake.experiment.paper.paper_numbers import (
     CELLS,
     PAPER,
     InvarianceRatio,
-    Quartiles,
     ReachesPaper,
     Verdict,
 )
+from mffdrake.experiment.runs.table import Quartiles
 
 
 def test_the_papers_columns_are_complete():

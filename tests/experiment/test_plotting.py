@@ -10,26 +10,18 @@ import cv2
 import numpy as np
 import pytest
 
+from mffdrake.experiment.runs.pictures import PlotComparison, PlotErrors
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
-from mffdrake.experiment.simulation.pictures import (
-    DrawCameraView,
-    DrawScene,
-    SaveDiagram,
-    SaveImage,
-)
-from mffdrake.experiment.simulation.plotting import (
-    PlotComparison,
-    PlotErrors,
-    PlotHandPath,
-    PlotPose,
-    SaveFigure,
-)
+from mffdrake.experiment.simulation.pictures import DrawCameraView, DrawScene
+from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, SaveFigure
 from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 from mffdrake.recognition import CameraRig, Distortion
+from mffdrake.recognition.recordings.image_files import SaveImage
 from mffdrake.recognition.visibility.outline import DrawOutline, DrawViews
+from mffdrake.systems.rendering.visualization import SaveDiagram
 
 COORDINATES = ["x [mm]", "y [mm]", "z [mm]", "eps1", "eps2", "eps3"]
 TIME = 0.033 * np.arange(300)

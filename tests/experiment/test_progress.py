@@ -3,7 +3,10 @@
 import io
 import sys
 
-from mffdrake.experiment.commands.progress import Advance, ProgressBar
+from mffdrake.experiment.progress import ProgressBar, RunBar
+from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
+from mffdrake.experiment.runs.store import Record
+from mffdrake.experiment.scenario.scenario import Scenario
 
 
 def lines(monkeypatch, *, interval):
@@ -30,7 +33,9 @@ def test_work_that_is_soon_done_leaves_no_line(monkeypatch):
 
 def test_bars_may_be_switched_off(monkeypatch):
     monkeypatch.setattr(sys, "stderr", log := io.StringIO())
-    with ProgressBar(total=4, desc="simulations", interval=0.0, disable=True) as bar:
-        Advance(bar, kept=True)
-        Advance(bar, kept=False)
+    monkeypatch.setenv("TQDM_DISABLE", "1")
+    run = PlannedRun(scenario=Scenario())
+    with RunBar([run]) as on_run:
+        on_run(EndedRun(run=run, record=Record(row={}), was_kept=True))
+        on_run(EndedRun(run=run, record=Record(error="no")))
     assert log.getvalue() == ""

@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 
 from mffdrake.experiment.paper.paper_numbers import PAPER
-from mffdrake.experiment.paper.report import MakeHtml
-from mffdrake.experiment.paper.report_figures import PlotStudies, PlotTable
-from mffdrake.experiment.paper.report_tables import (
+from mffdrake.experiment.paper.report.figures import PlotStudies, PlotTable
+from mffdrake.experiment.paper.report.report import MakeHtml
+from mffdrake.experiment.paper.report.tables import (
     InvarianceTable,
     OscillationTable,
     PaperTable,
     StudyTable,
     SummaryLines,
 )
-from mffdrake.experiment.paper.report_text import MakeText
-from mffdrake.experiment.paper.reproduction import Reproduction, Summarize
+from mffdrake.experiment.paper.report.text import MakeText
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS
-from mffdrake.experiment.runs.study import Study, Variant
+from mffdrake.experiment.paper.study import Reproduction, Study, Summarize, Variant
 from mffdrake.experiment.simulation.evaluation import RMS_ERRORS
 from mffdrake.experiment.simulation.simulation import SimulationResult
 

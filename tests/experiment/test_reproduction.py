@@ -17,13 +17,12 @@ import pytest
 from terminal import on_terminal
 from worker_functions import wait_for
 
-from mffdrake.experiment.paper.report import Reproduce
-from mffdrake.experiment.paper.reproduction import RunPlan, Summarize
+from mffdrake.experiment.paper.report.report import Reproduce
 from mffdrake.experiment.paper.studies import MakeStudies
+from mffdrake.experiment.paper.study import PlanRuns, RunStudies, Study, Summarize, Variant
 from mffdrake.experiment.runs.executors.cluster import DaskCluster
 from mffdrake.experiment.runs.executors.executors import InProcess
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
-from mffdrake.experiment.runs.study import PlanRuns, Study, Variant
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.simulation import Simulate
@@ -122,7 +121,7 @@ def test_the_page_needs_no_other_file(short):
     assert all(link.startswith("data:image/png;base64,") for link in page.links)
     assert not {"script", "link", "iframe"} & set(page.tags)
     assert page.tags.count("table") == (short[0] / "out" / "report.md").read_text().count(
-        "| --- |\n"
+        "|---:|\n"
     )
     assert "|" not in page.words.replace("|cos|", "")  # Every table became one.
 
@@ -254,7 +253,7 @@ def test_a_speed_that_the_joints_do_not_allow_has_a_reason_instead_of_a_number(t
     for _ in range(2):  # The answer would be the same, so it is not asked for twice.
         result = Reproduce(
             tmp_path, studies=[own], base=LoadScenario(text=BASE), executor=InProcess(),
-            on_run=lambda run, record, kept: ended.append((run.variant.label, kept)),
+            on_run=lambda one: ended.append((one.run.labels["label"], one.was_kept)),
         )  # fmt: skip
     assert sorted(ended[:4]) == [("slow", False)] * 2 + [("too fast", False)] * 2
     assert sorted(ended[4:]) == [("slow", True)] * 2 + [("too fast", True)] * 2
@@ -272,7 +271,7 @@ def test_other_failures_are_told_and_tried_again(tmp_path):
     for _ in range(2):
         result = Reproduce(
             tmp_path, studies=[own], base=LoadScenario(text=BASE), executor=InProcess(),
-            on_run=lambda run, record, kept: statuses.append((record.status, kept)),
+            on_run=lambda one: statuses.append((one.status, one.was_kept)),
         )  # fmt: skip
     assert statuses == [
         ("done", False), ("failed", False), ("done", True), ("failed", False),
@@ -285,10 +284,9 @@ def test_other_failures_are_told_and_tried_again(tmp_path):
 def test_runs_that_studies_share_are_run_once(tmp_path):
     studies = [study(("a", "method: ga"), name="one"), study(("b", "method: ga"), name="two")]
     ended = []
-    result = RunPlan(
-        PlanRuns(studies, LoadScenario(text=BASE)), tmp_path, executor=InProcess(),
-        on_run=lambda run, record, kept: ended.append(run),
-    )  # fmt: skip
+    result = RunStudies(
+        studies, LoadScenario(text=BASE), tmp_path, executor=InProcess(), on_run=ended.append
+    )
     assert len(ended) == len(stored(tmp_path)) == 1
     assert [(row["study"], row["label"]) for row in result.rows] == [("one", "a"), ("two", "b")]
     assert result.rows[0]["rms"] == result.rows[1]["rms"]
@@ -299,7 +297,7 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
     plan = PlanRuns([near], LoadScenario(text=BASE))
     killed = []
 
-    def kill(run, record, kept):
+    def kill(one):
         if not killed:
             for process in psutil.Process().children(recursive=True):
                 if "forkserver" in " ".join(process.cmdline()) and not process.children():
@@ -307,7 +305,8 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
                     killed.append(process.pid)
                     break
 
-    result = RunPlan(plan, tmp_path, executor=LocalProcesses(2), on_run=kill)
+    base = LoadScenario(text=BASE)
+    result = RunStudies([near], base, tmp_path, executor=LocalProcesses(2), on_run=kill)
     assert killed
     for run, row in zip(plan, result.rows, strict=True):
         expected = Simulate(run.scenario)
@@ -319,9 +318,9 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
 def test_a_dask_cluster_gives_the_same_rows_and_frames(cluster, tmp_path):
     cluster.add_worker()
     (near,) = (s for s in MakeStudies(1, short=True) if s.name == "near")
-    plan = PlanRuns([near], LoadScenario(text=BASE))
-    here = RunPlan(plan, tmp_path / "here", executor=InProcess())
-    there = RunPlan(plan, tmp_path / "there", executor=DaskCluster(cluster.address))
+    base = LoadScenario(text=BASE)
+    here = RunStudies([near], base, tmp_path / "here", executor=InProcess())
+    there = RunStudies([near], base, tmp_path / "there", executor=DaskCluster(cluster.address))
     assert [row["rms"] for row in there.rows] == [row["rms"] for row in here.rows]
     for key, record in here.records.items():
         assert there.records[key].fitness.tobytes() == record.fitness.tobytes()
@@ -329,14 +328,15 @@ def test_a_dask_cluster_gives_the_same_rows_and_frames(cluster, tmp_path):
 
 def test_frames_that_are_lost_are_simulated_again(tmp_path):
     (near,) = (s for s in MakeStudies(1, short=True) if s.name == "near")
-    plan = PlanRuns([near], LoadScenario(text=BASE))
-    first = RunPlan(plan, tmp_path, executor=InProcess())
+    base = LoadScenario(text=BASE)
+    first = RunStudies([near], base, tmp_path, executor=InProcess())
     lost = sorted((tmp_path / "records").iterdir())[0]
     lost.unlink()
     told = []
-    again = RunPlan(
-        plan, tmp_path, executor=InProcess(), on_run=lambda run, record, kept: told.append(kept)
-    )
+    again = RunStudies(
+        [near], base, tmp_path, executor=InProcess(),
+        on_run=lambda one: told.append(one.was_kept),
+    )  # fmt: skip
     assert sorted(told) == [False] + 5 * [True]
     assert lost.exists()
     for key, record in first.records.items():
@@ -348,6 +348,6 @@ def test_medians_leave_out_what_is_not_done():
     about = {"study": "a", "label": "b", "curve": "c", "value": 1.0, "status": "done"}
     rows = [{**about, **row, "error": None, "mean_fitness": f} for f in (0.2, 0.4, 0.9)]
     rows.append({**about, "status": "unreachable", "error": "too fast"})
-    (entry,) = Summarize(rows)
-    assert (entry["done"], entry["error"]) == (3, "too fast")
-    assert entry["all"]["mean_fitness"].median == 0.4
+    (group,) = Summarize(rows)
+    assert (len(group.done), group.error) == (3, "too fast")
+    assert group.Quartiles("mean_fitness").median == 0.4

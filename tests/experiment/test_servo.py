@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mffdrake.experiment.commands.main import main
-from mffdrake.experiment.commands.servo_command import ServoDefaults
+from mffdrake.experiment.commands.run import ServoDefaults
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
-from mffdrake.experiment.simulation.servo_evaluation import CalcHandErrors, FindLoss, WantedPose
+from mffdrake.experiment.simulation.recovery import CalcHandErrors, FindLoss, WantedPose
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mffdrake.experiment.paper.studies import FEW_SEEDS, PAPER_OMEGAS, PLAIN_GA, MakeStudies
-from mffdrake.experiment.runs.study import PlanRuns, Study, Variant
+from mffdrake.experiment.paper.study import PlanRuns, Study, Variant
 from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.experiment.simulation.wiring.diagram import CheckScenario
@@ -23,7 +23,7 @@ def full():
 
 def of(runs, name):
     """A study's scenarios by label."""
-    return {run.variant.label: run.scenario for run in runs if run.study.name == name}
+    return {run.labels["label"]: run.scenario for run in runs if run.labels["study"] == name}
 
 
 # Every variant.
@@ -52,8 +52,8 @@ def test_names_and_labels_are_unique():
 
 def test_variants_of_a_study_differ_in_more_than_their_label(full):
     # No error is no error about any axis, and the images' age of 0 is known either way.
-    for name in {run.study.name for run in full} - {"hand_eye", "latency"}:
-        scenarios = [run.scenario.fingerprint for run in full if run.study.name == name]
+    for name in {run.labels["study"] for run in full} - {"hand_eye", "latency"}:
+        scenarios = [run.scenario.fingerprint for run in full if run.labels["study"] == name]
         assert len(set(scenarios)) == len(scenarios), name
 
 
@@ -78,7 +78,7 @@ def test_the_tables_have_both_methods_at_the_papers_speeds(full, name, renderer,
 
 def test_all_but_the_vtk_studies_have_flat_images(full):
     for run in full:
-        renderer = "vtk" if run.study.name.startswith("vtk") else "flat"
+        renderer = "vtk" if run.labels["study"].startswith("vtk") else "flat"
         assert run.scenario.renderer == renderer
 
 
@@ -86,8 +86,7 @@ def test_seeds_go_on_from_the_bases_and_studies_beyond_the_table_have_fewer():
     runs = PlanRuns(MakeStudies(8, vtk_seeds=2), Scenario(seed=3))
     seeds = {}
     for run in runs:
-        assert run.scenario.seed == run.seed
-        seeds.setdefault(run.study.name, set()).add(run.seed)
+        seeds.setdefault(run.labels["study"], set()).add(run.scenario.seed)
     assert seeds["random"] == seeds["near"] == set(range(3, 11))
     assert seeds["vtk"] == {3, 4}
     assert seeds["plain"] == seeds["gain"] == set(range(3, 3 + FEW_SEEDS))
@@ -118,7 +117,7 @@ def test_a_fixed_camera_truly_rests_and_sees_the_target_in_the_same_place():
         assert turned == pytest.approx(0.0, abs=1e-9)  # E0 is where it rests.
         yaw = 2.0 * np.degrees(np.arcsin(result.true_pose[0, 4]))
         places.append(yaw)
-        assert yaw == pytest.approx(run.variant.value, abs=1e-6)
+        assert yaw == pytest.approx(run.labels["value"], abs=1e-6)
     np.testing.assert_allclose(places, [0.0, 15.0, -15.0], atol=1e-6)
 
 
@@ -133,11 +132,13 @@ def test_the_plain_ga_has_nothing_but_survivors_and_crossover_children():
 
 def test_latencies_are_whole_frames_known_or_ignored(full):
     for run in full:
-        if run.study.name == "latency":
+        if run.labels["study"] == "latency":
             scenario = run.scenario
             frames = scenario.camera.latency / scenario.timing.vision_period
-            assert frames == pytest.approx(run.variant.value)
-            assert scenario.predictor.latency == {"known": None, "ignored": 0.0}[run.variant.curve]
+            assert frames == pytest.approx(run.labels["value"])
+            assert (
+                scenario.predictor.latency == {"known": None, "ignored": 0.0}[run.labels["curve"]]
+            )
 
 
 def test_what_the_sensitivities_vary(full):

@@ -16,14 +16,14 @@ import pyarrow.parquet
 import pytest
 from worker_functions import wait_for
 
+from mffdrake.experiment.runs.engine import EndedRun, OtherCodeError, SimulateInWorker
 from mffdrake.experiment.runs.executors.cluster import ClusterError, DaskCluster
 from mffdrake.experiment.runs.executors.executors import InProcess
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
-from mffdrake.experiment.runs.fingerprint import CodeFingerprint
 from mffdrake.experiment.runs.grid import LoadGrid, MakeGrid
-from mffdrake.experiment.runs.store import Record, RunStore, StoreError
-from mffdrake.experiment.runs.sweep import OtherCodeError, RunScenario, Sweep
-from mffdrake.experiment.runs.sweep_table import MakeTable, MedianTable
+from mffdrake.experiment.runs.store import CodeFingerprint, Record, RunStore, StoreError
+from mffdrake.experiment.runs.sweep import Sweep
+from mffdrake.experiment.runs.table import MakeTable, SummaryTable
 from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate, FlattenRow
 from mffdrake.experiment.simulation.simulation import Simulate
@@ -38,6 +38,15 @@ UNREACHABLE = 3.0  # m; where the hand cannot be
 def make_grid(seeds=2, **keys):
     grid = {"method": ["ga", "mff"], **{key.replace("__", "."): keys[key] for key in keys}}
     return MakeGrid({"scenario": SMALL, "grid": grid, "seeds": seeds})
+
+
+def table_of(grid, records):
+    """The table of a grid whose runs came to these records; None where they did not end."""
+    ended = [
+        record and EndedRun(run=run, record=record)
+        for run, record in zip(grid.runs, records, strict=True)
+    ]
+    return MakeTable(grid.runs, ended)
 
 
 def half_bad():
@@ -88,8 +97,8 @@ def test_a_dask_cluster_gives_the_same_bits_also_when_a_worker_is_killed(cluster
     cluster.add_worker(threads=3)
     ended = []
 
-    def kill(record, kept):
-        ended.append(record)
+    def kill(run):
+        ended.append(run)
         if len(ended) == 3:
             victim.kill()
 
@@ -116,7 +125,7 @@ def test_a_second_call_repeats_nothing(alone):
     folder, table = alone
     before, told = stored(folder), []
     again = Sweep(
-        make_grid(seeds=6), folder, executor=None, on_run=lambda record, kept: told.append(kept)
+        make_grid(seeds=6), folder, executor=None, on_run=lambda run: told.append(run.was_kept)
     )
     assert told == [True] * 12
     assert stored(folder) == before
@@ -128,7 +137,7 @@ def test_a_larger_grid_runs_only_what_is_new_and_other_rows_stay_out_of_the_tabl
     told = []
     table = Sweep(
         make_grid(seeds=[2, 3]), tmp_path, executor=InProcess(),
-        on_run=lambda record, kept: told.append(kept),
+        on_run=lambda run: told.append(run.was_kept),
     )  # fmt: skip
     assert sorted(told) == [False, False, True, True]
     assert table["seed"].to_pylist() == [2, 3, 2, 3]
@@ -141,16 +150,16 @@ def test_runs_of_other_code_are_left_alone_and_not_taken_for_this_ones(tmp_path)
     with closing(sqlite3.connect(tmp_path / "runs.sqlite")) as store, store:
         store.execute("UPDATE runs SET key = 'of other code' WHERE rowid = 1")
     told = []
-    Sweep(grid, tmp_path, executor=InProcess(), on_run=lambda record, kept: told.append(kept))
+    Sweep(grid, tmp_path, executor=InProcess(), on_run=lambda run: told.append(run.was_kept))
     assert sorted(told) == [False, True]
     assert "of other code" in stored(tmp_path)
 
 
 def test_a_worker_with_other_code_refuses():
     with pytest.raises(OtherCodeError, match="the worker has other code"):
-        RunScenario(Scenario(), "mffdrake 0.0.1")
+        SimulateInWorker(Scenario(), "mffdrake 0.0.1")
     with pytest.raises(OtherCodeError, match=re.escape(CodeFingerprint())):
-        RunScenario(Scenario(), "mffdrake 0.0.1")
+        SimulateInWorker(Scenario(), "mffdrake 0.0.1")
 
 
 def test_failed_runs_are_rows_and_are_tried_again(tmp_path):
@@ -158,7 +167,7 @@ def test_failed_runs_are_rows_and_are_tried_again(tmp_path):
         told = []
         table = Sweep(
             half_bad(), tmp_path, executor=InProcess(),
-            on_run=lambda record, kept, told=told: told.append((record.status, kept)),
+            on_run=lambda run, told=told: told.append((run.status, run.was_kept)),
         )  # fmt: skip
         assert sum(kept for _, kept in told) == kept_before
         assert told.count(("failed", False)) == 4
@@ -184,16 +193,12 @@ def test_column_types_do_not_depend_on_how_many_runs_failed(alone):
     grid = make_grid(seeds=6)
     done = [Record(row=json.loads(row)) for row in stored(alone[0]).values()]
     failed = Record(error="ValueError: no")
-    types = MakeTable(grid, done).schema
+    types = table_of(grid, done).schema
     assert types.field("error").type == "string"
     assert types.field("mean_fitness_settled").type == "double"  # All null: the runs are short.
-    assert MakeTable(grid, [failed, *done[1:]]).schema == types
-    none_done = MakeTable(grid, [failed] * 12).schema
-    assert set(none_done) <= set(types)
-    assert {f.name for f in types} - {f.name for f in none_done} == {
-        name for name in types.names if name.startswith("stages_ms.")
-    }
-    assert MakeTable(grid, [None] * 12).schema == none_done
+    assert table_of(grid, [failed, *done[1:]]).schema == types
+    assert table_of(grid, [failed] * 12).schema == types
+    assert table_of(grid, [None] * 12).schema == types
 
 
 def test_values_of_all_kinds_have_columns():
@@ -208,7 +213,7 @@ def test_values_of_all_kinds_have_columns():
             }
         }
     )
-    table = MakeTable(grid, [Record(error="no")] * 4)
+    table = table_of(grid, [Record(error="no")] * 4)
     assert [str(field.type) for field in table.schema][:5] == [
         "double", "int64", "bool", "string", "string",
     ]  # fmt: skip
@@ -223,15 +228,17 @@ def test_the_median_table_has_a_line_for_each_combination():
     grid = make_grid(seeds=3)
     rows = [
         Record(row={"mean_fitness": f, "mean_fitness_settled": f / 2, "rms_settled": {
-            "position_mm": 10 * f, "rotation_deg": f}})
+            "position_mm": 10 * f, "rotation_deg": f}, "tracking": {"right": f}})
         for f in (0.1, 0.5, 0.9)
     ]  # fmt: skip
-    table = MakeTable(grid, [*rows, Record(error="no"), rows[0], None])
-    lines = MedianTable(grid, table).splitlines()
-    assert lines[0] == "| method | fitness | position [mm] | rotation [deg] | seeds | failed |"
+    table = table_of(grid, [*rows[:2], Record(error="no"), *rows[:1], None, None])
+    lines = SummaryTable(table.to_pylist(), list(grid.values)).splitlines()
+    assert lines[0] == (
+        "| method | fitness | position [mm] | rotation [deg] | right | seeds | failed |"
+    )
     assert lines[2:4] == [
-        "| ga | 0.250 | 5.00 | 0.50 | 3 | 0 |",
-        "| mff | 0.050 | 1.00 | 0.10 | 1 | 1 |",
+        "| ga | 0.150 | 3.00 | 0.30 | 30.00% | 2 | 1 |",
+        "| mff | 0.050 | 1.00 | 0.10 | 10.00% | 1 | 0 |",
     ]
 
 

@@ -39,7 +39,7 @@ def test_models_are_found_in_a_checkout_and_in_a_wheel(place, tmp_path, monkeypa
     models_path = {"checkout": tmp_path / "models", "wheel": package / "models"}[place]
     models_path.mkdir(parents=True)
     (models_path / "package.xml").touch()
-    monkeypatch.setattr(models, "__file__", str(package / "systems" / "models.py"))
+    monkeypatch.setattr(models, "__file__", str(package / "systems" / "arms" / "models.py"))
     assert FindModelsPath() == models_path
 
 
@@ -48,13 +48,13 @@ def test_a_wheel_ignores_a_models_directory_beside_the_package(tmp_path, monkeyp
     for models_path in (tmp_path / "models", package / "models"):
         models_path.mkdir(parents=True)
         (models_path / "package.xml").touch()
-    monkeypatch.setattr(models, "__file__", str(package / "systems" / "models.py"))
+    monkeypatch.setattr(models, "__file__", str(package / "systems" / "arms" / "models.py"))
     assert FindModelsPath() == package / "models"
 
 
 def test_missing_models_are_reported_with_the_places_looked_in(tmp_path, monkeypatch):
     package = tmp_path / "mffdrake"
-    monkeypatch.setattr(models, "__file__", str(package / "systems" / "models.py"))
+    monkeypatch.setattr(models, "__file__", str(package / "systems" / "arms" / "models.py"))
     with pytest.raises(FileNotFoundError) as error:
         FindModelsPath()
     assert str(package / "models") in str(error.value)

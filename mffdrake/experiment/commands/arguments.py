@@ -1,17 +1,26 @@
-"""What the commands that work on images have in common."""
+"""What the commands make of their arguments."""
 
 from __future__ import annotations
 
+import argparse
 import errno
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from mffdrake.experiment.commands.run import ServoDefaults
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
 from mffdrake.recognition import SolidModel
+from mffdrake.recognition.parameters import InputError
+from mffdrake.recognition.recordings.files import MakeOutputFolder
 
-__all__ = ["ArgumentsError", "ImagesByCamera", "LoadTarget", "SplitArguments"]
+__all__ = [
+    "ArgumentsError", "CheckFiles", "GivenOptions", "ImagesByCamera", "LoadTarget", "ReadScenario",
+    "SplitArguments",
+]  # fmt: skip
 
 
-class ArgumentsError(ValueError):
+class ArgumentsError(InputError, ValueError):
     """An argument of the command line is wrong; the message says how it must be."""
 
 
@@ -83,3 +92,57 @@ def LoadTarget(path: Path | str) -> SolidModel:
         if not isinstance(error, ValueError):
             text = f"not a mesh that can be read: {text}"
         raise ArgumentsError(text if str(path) in text else f"{path}: {text}") from error
+
+
+def GivenOptions(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """The options that were given, by the scenario's keys.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+        names: Options that are called as the scenario's keys.
+
+    Example:
+        >>> GivenOptions(argparse.Namespace(seed=3, renderer=None), "seed", "renderer", "method")
+        {'seed': 3}
+    """
+    values = {name: getattr(options, name, None) for name in names}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def CheckFiles(options: argparse.Namespace) -> None:
+    """Finds out before any long work whether the wanted files can be written.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Raises:
+        ArgumentsError: When one has another suffix than it must have, or is a folder.
+        OSError: When its folder cannot be written to.
+    """
+    for name, suffixes in (("graphviz", (".svg", ".png")), ("replay", (".html",))):
+        given = getattr(options, name, None)
+        if given is None:
+            continue
+        if Path(given).suffix not in suffixes:
+            raise ArgumentsError(f"--{name} {given}: the file must end in {' or '.join(suffixes)}")
+        MakeOutputFolder(Path(given).parent)
+        if Path(given).is_dir():
+            raise ArgumentsError(f"--{name} {given}: is a directory, not a file")
+
+
+def ReadScenario(options: argparse.Namespace) -> Scenario:
+    """The scenario of the options: its file and text, with the single options on top.
+
+    Args:
+        options: What the command line's parser made of the arguments.
+
+    Raises:
+        ScenarioError: When a key is unknown or a value is wrong.
+        OSError: When the file cannot be read.
+    """
+    defaults = ServoDefaults() if options.command == "servo" else None
+    scenario = LoadScenario(options.scenario_file, options.scenario_text, defaults=defaults)
+    values = GivenOptions(options, "duration", "seed", "renderer", "method")
+    if options.command in ("run", "record") and options.omega is not None:
+        values["hand_path.omega"] = options.omega
+    return Change(scenario, values)

@@ -1,15 +1,21 @@
-"""The command line: ``mffdrake run``, ``compare``, ``track`` and the others."""
+"""The command line: ``mffdrake run``, ``compare``, ``track`` and the others.
+
+What a command needs is imported when it is called: the help comes at once.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.metadata import version
 from typing import Any, NoReturn
 
+from mffdrake.experiment.runs.executors.executors import WorkerDiedError
 from mffdrake.experiment.runs.executors.local_processes import PrepareWorkers
 
 __all__ = ["main"]
@@ -241,6 +247,14 @@ def _AddPlaces(command: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+_COMMANDS = {
+    "run": "run.RunOne", "servo": "run.RunServo", "record": "run.RunRecord",
+    "compare": "many.RunCompare", "sweep": "many.RunSweep", "reproduce": "many.RunReproduce",
+    "track": "track.RunTrack", "colors": "target.RunColors", "target": "target.RunTarget",
+}  # fmt: skip
+_OF_A_SCENARIO = ("run", "servo", "record", "compare")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line.
 
@@ -253,27 +267,62 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _MakeParser().parse_args(arguments)
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
-    # Only now: the help should come at once, and Drake takes a moment to load. An interrupt in the
-    # midst of that would come out as an import error, so it ends the process as if there was none.
+    # Drake takes a moment to load. An interrupt in the midst of that would come out as an import
+    # error, so it ends the process as if there was none.
     on_interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _NeedsWorkers(options):  # They load in the background what this process loads, too.
         PrepareWorkers()
-    from mffdrake.experiment.commands.commands import RunCommand, UserError
+    from mffdrake.experiment.commands.arguments import CheckFiles
+    from mffdrake.recognition.parameters import InputError
 
+    command = _Find(options.command)
     signal.signal(signal.SIGINT, on_interrupt)
     for name in ("mffdrake", "drake"):  # Drake sets its level when it is imported.
         logging.getLogger(name).setLevel(
             logging.INFO if getattr(options, "verbose", False) else logging.WARNING
         )
-
     try:
-        return RunCommand(options)
-    except UserError as error:
-        print(f"mffdrake: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        CheckFiles(options)
+        return command(options)
+    except OSError as error:
+        name = f"cannot use {error.filename}: " if error.filename else ""
+        message = f"{name}{error.strerror or error}"
+    except (InputError, WorkerDiedError) as error:
+        message = str(error)
     except KeyboardInterrupt:
         print("mffdrake: interrupted", file=sys.stderr)
         return 130
+    print(f"mffdrake: error: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+def _Find(name: str) -> Callable[[argparse.Namespace], int]:
+    """What a command does."""
+    if name in ("defaults", "schema"):
+        return _PrintDocs
+    module, _, function = _COMMANDS[name].partition(".")
+    command = getattr(import_module(f"mffdrake.experiment.commands.{module}"), function)
+    return _WithScenario(command) if name in _OF_A_SCENARIO else command
+
+
+def _PrintDocs(options: argparse.Namespace) -> int:
+    from mffdrake.experiment.scenario.scenario_docs import DescribeDefaults, MakeSchema
+
+    is_schema = options.command == "schema"
+    print(json.dumps(MakeSchema(), indent=2) if is_schema else DescribeDefaults().rstrip("\n"))
+    return 0
+
+
+def _WithScenario(command: Callable[..., int]) -> Callable[[argparse.Namespace], int]:
+    """A command that is called with the options' scenario and output folder."""
+    from mffdrake.experiment.commands.arguments import ReadScenario
+    from mffdrake.recognition.recordings.files import MakeOutputFolder
+
+    def Call(options: argparse.Namespace) -> int:
+        scenario = ReadScenario(options)
+        return command(options, scenario, MakeOutputFolder(options.out))
+
+    return Call
 
 
 def _NeedsWorkers(options: argparse.Namespace) -> bool:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
 
 __all__ = [
     "CELLS",
     "PAPER",
     "InvarianceRatio",
-    "Quartiles",
     "ReachesPaper",
     "Verdict",
 ]
@@ -43,43 +39,6 @@ PAPER = {column: _WithNorms(values) for column, values in _FIG_8.items()}
 
 ``position_mm`` and ``rotation_deg`` are not in the paper; they follow from the others.
 """
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quartiles:
-    """Median and quartiles of some numbers.
-
-    Attributes:
-        low: The lower quartile.
-        median: The median.
-        high: The upper quartile.
-        count: How many numbers.
-
-    Example:
-        >>> Quartiles.Of([4.0, 1.0, 2.0, 3.0, 5.0])
-        Quartiles(low=2.0, median=3.0, high=4.0, count=5)
-    """
-
-    low: float
-    median: float
-    high: float
-    count: int
-
-    @classmethod
-    def Of(cls, values: Sequence[float | None]) -> Quartiles | None:
-        """Those of the numbers that are there.
-
-        Args:
-            values: Numbers; None where there is none.
-
-        Returns:
-            The quartiles; None when there are no numbers.
-        """
-        known = [value for value in values if value is not None]
-        if not known:
-            return None
-        low, median, high = (float(value) for value in np.quantile(known, [0.25, 0.5, 0.75]))
-        return cls(low=low, median=median, high=high, count=len(known))
 
 
 def ReachesPaper(cell: str, ours: float, paper: float) -> bool:

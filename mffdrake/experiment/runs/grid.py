@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mffdrake.experiment.runs.engine import PlannedRun
 from mffdrake.experiment.scenario.scenario import Change, Scenario, ScenarioError
 from mffdrake.recognition.parameters import (
     OneOf,
@@ -21,24 +22,9 @@ from mffdrake.recognition.parameters import (
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 
-__all__ = ["Grid", "GridRun", "LoadGrid", "MakeGrid"]
+__all__ = ["Grid", "LoadGrid", "MakeGrid"]
 
 _KEYS = ("scenario", "grid", "seeds")
-
-
-@dataclass(frozen=True, kw_only=True)
-class GridRun:
-    """One run of a grid.
-
-    Attributes:
-        values: The grid's keys and this run's values.
-        seed: Its seed.
-        scenario: The scenario.
-    """
-
-    values: dict[str, Any]
-    seed: int
-    scenario: Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,13 +35,13 @@ class Grid:
         scenario: What the runs have in common.
         values: The varied keys, dotted, and their values.
         seeds: The seeds.
-        runs: All runs: the last key varies fastest, and the seeds still faster.
+        runs: The plan, labeled by the keys: the last key varies fastest, the seeds still faster.
     """
 
     scenario: Scenario
     values: dict[str, list[Any]]
     seeds: tuple[int, ...]
-    runs: tuple[GridRun, ...]
+    runs: tuple[PlannedRun, ...]
 
     def Dump(self) -> str:
         """The grid as YAML, complete, which `LoadGrid` reads back as the same runs."""
@@ -93,7 +79,7 @@ def LoadGrid(file: Path | str, *, scenario: Scenario | None = None) -> Grid:
         >>> import tempfile
         >>> file = Path(tempfile.mkdtemp()) / "grid.yaml"
         >>> _ = file.write_text("grid: {method: [ga, mff], hand_path.omega: [0.1, 0.3]}")
-        >>> [tuple(run.values.values()) for run in LoadGrid(file).runs]
+        >>> [tuple(run.labels.values()) for run in LoadGrid(file).runs]
         [('ga', 0.1), ('ga', 0.3), ('mff', 0.1), ('mff', 0.3)]
     """
     try:
@@ -121,7 +107,7 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
 
     Example:
         >>> grid = MakeGrid({"grid": {"recognizer.population_size": [30, 60]}, "seeds": [7, 8]})
-        >>> [(run.values["recognizer.population_size"], run.seed) for run in grid.runs]
+        >>> [(*run.labels.values(), run.scenario.seed) for run in grid.runs]
         [(30, 7), (30, 8), (60, 7), (60, 8)]
     """
     for key in data:
@@ -240,7 +226,7 @@ def _Remove(data: dict[str, Any], names: list[str]) -> None:
 
 def _MakeRuns(
     base: Scenario, columns: dict[str, _Column], seeds: tuple[int, ...]
-) -> Iterator[GridRun]:
+) -> Iterator[PlannedRun]:
     """All runs, in order."""
     for combination in itertools.product(*columns.values()):
         values = {key: value for key, (value, _) in zip(columns, combination, strict=True)}
@@ -253,4 +239,4 @@ def _MakeRuns(
             shown = ", ".join(f"{key} {json.dumps(value)}" for key, value in values.items())
             raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
         for seed in seeds:
-            yield GridRun(values=values, seed=seed, scenario=dc.replace(scenario, seed=seed))
+            yield PlannedRun(labels=values, scenario=dc.replace(scenario, seed=seed))

@@ -1,19 +1,35 @@
-"""Keeps the runs of sweeps in a database file, each as soon as it is done."""
+"""Keeps runs in a database file, each as soon as it is done, and some frame by frame beside it."""
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import hashlib
 import json
+import platform
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from mffdrake.experiment.scenario.scenario import Scenario
+from mffdrake.experiment.simulation.simulation import SimulationResult
+from mffdrake.recognition.parameters import InputError
+from mffdrake.systems.arms.models import FindModelsPath
 
-__all__ = ["Record", "RecordPath", "RunKey", "RunStore", "StoreError"]
+__all__ = [
+    "STORE_NAME",
+    "CodeFingerprint",
+    "MemoryStore",
+    "Record",
+    "RunKey",
+    "RunStore",
+    "Store",
+    "StoreError",
+]
 
 _APPLICATION_ID = 0x6D666673  # Says in the file's header that it is ours.
 _VERSION = 1
@@ -38,11 +54,40 @@ ON CONFLICT (key) DO UPDATE SET
 WHERE runs.status <> 'done'
 """
 
+_PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 
-_RECORDS = "records"
+STORE_NAME = "runs.sqlite"
+"""The file in a folder of results that keeps the runs."""
+
+_FRAMES = "records"
 
 
-class StoreError(RuntimeError):
+@functools.cache
+def CodeFingerprint() -> str:
+    """All that results depend on besides the scenario, as a line of text.
+
+    Returns:
+        The versions of the packages and of Python, and a hash of this package's own source and
+        model files, as they were when this process first asked.
+
+    Example:
+        >>> CodeFingerprint().split()[0]
+        'mffdrake'
+    """
+    package = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for root, pattern in ((package, "*.py"), (FindModelsPath(), "*")):
+        for path in sorted(root.rglob(pattern)):
+            if path.is_file():
+                content = path.read_bytes()
+                digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode())
+                digest.update(content)
+    python = ".".join(platform.python_version_tuple()[:2])
+    names = [f"{name} {version(name)}" for name in _PACKAGES]
+    return ", ".join([*names, f"python {python}", f"files {digest.hexdigest()[:16]}"])
+
+
+class StoreError(InputError, RuntimeError):
     """The database file cannot be used; the message names it and says what helps."""
 
 
@@ -83,18 +128,57 @@ def RunKey(scenario: Scenario, code: str) -> str:
     return hashlib.sha256(f"{code}\n{scenario.fingerprint}".encode()).hexdigest()
 
 
-def RecordPath(folder: Path, key: str) -> Path:
-    """Where a run's frames are kept, in a folder of runs.
+class Store(Protocol):
+    """Keeps runs by their `RunKey`; see `RunStore`."""
 
-    Args:
-        folder: The folder.
-        key: See `RunKey`.
-    """
-    return folder / _RECORDS / f"{key[:16]}.npz"
+    def Get(self, keys: list[str]) -> dict[str, Record]:
+        """The runs that are there."""
+        ...
+
+    def Frames(self, key: str) -> SimulationResult | None:
+        """A run's frames; None where they are not kept."""
+        ...
+
+    def Put(
+        self,
+        key: str,
+        scenario: str,
+        code: str,
+        record: Record,
+        frames: SimulationResult | None = None,
+    ) -> None:
+        """Keeps a run."""
+        ...
+
+
+class MemoryStore:
+    """Keeps nothing beyond this object's life."""
+
+    def __init__(self) -> None:
+        self._runs: dict[str, tuple[Record, SimulationResult | None]] = {}
+
+    def Get(self, keys: list[str]) -> dict[str, Record]:
+        """See `RunStore`."""
+        return {key: self._runs[key][0] for key in keys if key in self._runs}
+
+    def Frames(self, key: str) -> SimulationResult | None:
+        """See `RunStore`."""
+        return self._runs[key][1]
+
+    def Put(
+        self,
+        key: str,
+        scenario: str,
+        code: str,
+        record: Record,
+        frames: SimulationResult | None = None,
+    ) -> None:
+        """See `RunStore`."""
+        self._runs[key] = (record, frames)
 
 
 class RunStore:
-    """The runs in one file. Several processes may use it at once.
+    """The runs in one file, their frames in a folder beside. Several processes may use it at once.
 
     Every run is written in a transaction of its own, so that the end of the process at any time
     costs nothing that was there before.
@@ -122,7 +206,7 @@ class RunStore:
             if (mark, version) != (_APPLICATION_ID, _VERSION):
                 if not empty or mark or version:
                     raise StoreError(
-                        f"{self._path}: is no store of this version's sweeps; move it away or "
+                        f"{self._path}: is no store of this version's runs; move it away or "
                         "choose another folder with --out"
                     )
                 connection.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
@@ -152,7 +236,27 @@ class RunStore:
                     records[key] = Record(row=row, error=found[1], attempts=found[2])
         return records
 
-    def Put(self, key: str, scenario: str, code: str, record: Record) -> None:
+    def Frames(self, key: str) -> SimulationResult | None:
+        """A run's frames; None where they are not kept, or damaged.
+
+        Args:
+            key: See `RunKey`.
+        """
+        with contextlib.suppress(OSError, ValueError):
+            return SimulationResult.Load(self._FramesPath(key))
+        return None
+
+    def _FramesPath(self, key: str) -> Path:
+        return self._path.parent / _FRAMES / f"{key[:16]}.npz"
+
+    def Put(
+        self,
+        key: str,
+        scenario: str,
+        code: str,
+        record: Record,
+        frames: SimulationResult | None = None,
+    ) -> None:
         """Keeps a run, in place of a failed one.
 
         Args:
@@ -160,10 +264,16 @@ class RunStore:
             scenario: The complete scenario, as YAML.
             code: See `CodeFingerprint`.
             record: What became of it.
+            frames: Its frames, which go to a file of their own, where they are to be kept.
 
         Raises:
             StoreError: When the file cannot be written.
+            OSError: When the frames cannot.
         """
+        if frames is not None:  # Before the row, which says that nothing is missing.
+            path = self._FramesPath(key)
+            path.parent.mkdir(exist_ok=True)
+            frames.Save(path)
         row = None if record.row is None else json.dumps(record.row)
         with self._Transaction() as connection:
             values = (key, scenario, code, record.status, row, record.error, record.attempts)
@@ -186,5 +296,5 @@ class RunStore:
         except sqlite3.Error as error:
             raise StoreError(
                 f"{self._path}: cannot be used ({error}); if it is damaged or not a store of "
-                "sweeps, move it away or choose another folder with --out"
+                "runs, move it away or choose another folder with --out"
             ) from error

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import pydot
 from numpy.typing import NDArray
 from pydrake.geometry import ClippingRange, ColorRenderCamera, RenderCameraCore
 from pydrake.math import RigidTransform, RotationMatrix
@@ -20,10 +17,9 @@ from mffdrake.experiment.simulation.simulation import SimulationResult
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
 from mffdrake.experiment.simulation.wiring.target import LoadSolid, ReadScenarioMesh
 from mffdrake.recognition import Camera
-from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.visibility.outline import DrawViews
 
-__all__ = ["DrawCameraView", "DrawScene", "SaveDiagram", "SaveImage"]
+__all__ = ["DrawCameraView", "DrawScene"]
 
 _EYE = (1.3, -2.6, 1.5)  # Where the scene is looked at from [m], in the world.
 _LOOK_AT = (0.95, 0.0, 0.45)
@@ -126,43 +122,6 @@ def _DrawViewingPyramid(
     cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)
     for corner in pixels[1:]:
         cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
-
-
-def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
-    """Writes an RGB image as PNG, whole or not at all.
-
-    Args:
-        image: Shape (height, width, 3).
-        path: The file.
-
-    Raises:
-        OSError: When it cannot be written.
-    """
-    import cv2
-
-    with WholeFile(path) as part:
-        part.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
-
-
-def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
-    """Draws a diagram with Graphviz.
-
-    Args:
-        diagram: The diagram.
-        path: The file; its suffix tells the format, SVG or PNG.
-
-    Raises:
-        FileNotFoundError: When Graphviz's program ``dot`` is not installed.
-        OSError: When the file cannot be written.
-    """
-    if shutil.which("dot") is None:
-        raise FileNotFoundError(
-            "drawing the diagram needs Graphviz; install it with: sudo apt-get install graphviz"
-        )
-    graphs = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
-    assert graphs is not None  # Drake writes what pydot reads.
-    with WholeFile(path) as part:
-        graphs[0].write(str(part), format=Path(path).suffix[1:])
 
 
 def _ContextOfFrame(diagram: Diagram, result: SimulationResult, frame: int) -> Context:

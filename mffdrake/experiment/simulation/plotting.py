@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.experiment.scenario.scenario import LoadScenario
-from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Medians
+from mffdrake.experiment.simulation.recovery import CalcHandErrors, WantedPose
 from mffdrake.experiment.simulation.simulation import SimulationResult
+from mffdrake.experiment.simulation.style import (
+    COORDINATES,
+    METHOD_COLORS,
+    METHOD_NAMES,
+    NewFigure,
+)
+from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
+from mffdrake.recognition.poses.pose import pose_errors
 from mffdrake.recognition.recordings.files import WholeFile
 
 if TYPE_CHECKING:
@@ -19,30 +27,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "PlotComparison",
-    "PlotErrors",
+    "PlotFollowing",
+    "PlotHandError",
     "PlotHandPath",
     "PlotPose",
+    "PlotSpace",
     "PlotToFile",
     "PlotTrack",
     "SaveFigure",
     "SixPanels",
 ]
 
-_COORDINATES = (
-    ("x [mm]", 1e3), ("y [mm]", 1e3), ("z [mm]", 1e3), ("eps1", 1.0), ("eps2", 1.0), ("eps3", 1.0),
-)  # fmt: skip
-_LABELS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
-_COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
 _TRUE: dict[str, Any] = {"color": "0.7", "linewidth": 3.0, "label": "true"}
-
-
-def _Figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, NDArray[Any]]:
-    """A figure that belongs to no window and no global state."""
-    from matplotlib.figure import Figure  # Slow to import, and needed for plots alone.
-
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False)
 
 
 def SaveFigure(figure: Figure, path: Path | str) -> None:
@@ -61,8 +57,8 @@ def SaveFigure(figure: Figure, path: Path | str) -> None:
 
 def SixPanels(title: str) -> tuple[Figure, list[Axes]]:
     """A figure with a panel over time for each of a pose's coordinates."""
-    figure, axes = _Figure(2, 3, (12.0, 5.5))
-    for axis, (label, _) in zip(axes.flat, _COORDINATES, strict=True):
+    figure, axes = NewFigure(2, 3, (12.0, 5.5))
+    for axis, (label, _) in zip(axes.flat, COORDINATES, strict=True):
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
         axis.margins(x=0.01)
@@ -84,7 +80,7 @@ def PlotHandPath(result: SimulationResult) -> Figure:
     """
     omega = LoadScenario(text=result.scenario).hand_path.omega
     figure, axes = SixPanels(f"Hand pose in the first hand frame, omega = {omega:g} rad/s")
-    for k, (axis, (_, scale)) in enumerate(zip(axes, _COORDINATES, strict=True)):
+    for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
         axis.plot(result.time, scale * result.actual_hand_pose[:, k], "tab:blue", label="actual")
         axis.plot(result.time, scale * result.desired_hand_pose[:, k], "k--", lw=1, label="desired")
         _WidenFlat(axis, 5.0 if k < 3 else 0.01)
@@ -114,21 +110,21 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         f"Target's pose in the right camera, omega = {scenario.hand_path.omega:g} rad/s, "
         f"seed {scenario.seed}"
     )
-    for k, (axis, (label, scale)) in enumerate(zip(axes[:6], _COORDINATES, strict=True)):
+    for k, (axis, (label, scale)) in enumerate(zip(axes[:6], COORDINATES, strict=True)):
         true = scale * results[0].true_pose[:, k]
         axis.plot(results[0].time, true, **_TRUE)
         for result in results:
             method = LoadScenario(text=result.scenario).method
             axis.plot(
                 result.time, scale * result.recognized_pose[:, k],
-                color=_COLORS[method], label=_LABELS[method], linewidth=0.8,
+                color=METHOD_COLORS[method], label=METHOD_NAMES[method], linewidth=0.8,
             )  # fmt: skip
         room = max(np.ptp(true), 40.0 if k < 3 else 0.08)
         axis.set_ylim(true.min() - 0.6 * room, true.max() + 0.6 * room)
         axis.set_ylabel(label)
     for result in results:
         method = LoadScenario(text=result.scenario).method
-        axes[6].plot(result.time, result.fitness, color=_COLORS[method], linewidth=0.8)
+        axes[6].plot(result.time, result.fitness, color=METHOD_COLORS[method], linewidth=0.8)
     axes[6].set_ylabel("fitness")
     axes[6].set_ylim(0.0, 1.05)
     axes[6].set_xlabel("time [s]")
@@ -141,79 +137,89 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
     return figure
 
 
-def PlotErrors(results: Sequence[SimulationResult]) -> Figure:
-    """Position error over time of several runs, a panel for each speed.
+def PlotFollowing(result: SimulationResult) -> Figure:
+    """The target's pose in the camera over time: true, recognized and wanted.
 
     Args:
-        results: Records of several methods and speeds.
+        result: A simulation's record.
 
     Returns:
-        The figure, with a logarithmic error axis.
+        The figure: six panels over time.
     """
-    scenarios = [LoadScenario(text=result.scenario) for result in results]
-    speeds = list(dict.fromkeys(scenario.hand_path.omega for scenario in scenarios))
-    figure, axes = _Figure(len(speeds), 1, (10.0, 2.6 * len(speeds)))
-    for axis, omega in zip(axes[:, 0], speeds, strict=True):
-        for result, scenario in zip(results, scenarios, strict=True):
-            if scenario.hand_path.omega == omega:
-                error = result.recognized_pose[:, :3] - result.true_pose[:, :3]
-                axis.semilogy(
-                    result.time,
-                    1e3 * np.linalg.norm(error, axis=1),
-                    color=_COLORS[scenario.method],
-                    label=f"{_LABELS[scenario.method]}, seed {scenario.seed}",
-                    linewidth=0.8,
-                )
-        axis.axvline(SETTLED_AFTER, color="gray", linestyle=":", linewidth=1)
-        axis.set_title(f"omega = {omega:g} rad/s")
-        axis.set_ylabel("position error [mm]")
-        axis.grid(alpha=0.3, which="both")
-        axis.legend(loc="upper right")
-    axes[-1, 0].set_xlabel("time [s]")
+    scenario = LoadScenario(text=result.scenario)
+    figure, axes = SixPanels(
+        f"Target's pose in the {MakeMounts(scenario)[0].camera.name} camera, "
+        f"method {scenario.method}, seed {scenario.seed}"
+    )
+    wanted = WantedPose(scenario)
+    for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
+        axis.plot(result.time, scale * result.true_pose[:, k], color="0.75", lw=4, label="true")
+        axis.plot(
+            result.time, scale * result.recognized_pose[:, k], "tab:blue", lw=0.9,
+            label="recognized",
+        )  # fmt: skip
+        axis.axhline(scale * wanted[k], color="k", ls="--", lw=1, label="wanted")
+        room = max(np.ptp(scale * result.true_pose[:, k]), 10.0 if k < 3 else 0.02)
+        middle = scale * wanted[k]
+        low = min(middle, scale * result.true_pose[:, k].min()) - 0.3 * room
+        axis.set_ylim(low, max(middle, scale * result.true_pose[:, k].max()) + 0.3 * room)
+    axes[0].legend()
     return figure
 
 
-def PlotComparison(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Fitness and errors against the hand's speed, as in Fig. 8: medians and all seeds.
+def PlotHandError(result: SimulationResult) -> Figure:
+    """The hand's and the recognition's errors over time.
 
     Args:
-        rows: Rows of `Evaluate`.
+        result: A simulation's record.
 
     Returns:
-        The figure: three panels over omega.
+        The figure: distances above, angles below, with logarithmic scales.
     """
-    settled = all(row["mean_fitness_settled"] is not None for row in rows)
-    suffix = "_settled" if settled else ""
-    figure, axes = _Figure(1, 3, (13.0, 4.0))
-    panels = (
-        ("mean fitness", lambda row: row[f"mean_fitness{suffix}"], False),
-        ("position error (rms) [mm]", lambda row: row[f"rms{suffix}"]["position_mm"], True),
-        ("rotation error (rms) [deg]", lambda row: row[f"rms{suffix}"]["rotation_deg"], True),
-    )
-    medians = Medians(rows)
-    for axis, (label, read, from_zero) in zip(axes[0], panels, strict=True):
-        for method in dict.fromkeys(row["method"] for row in rows):
-            color = _COLORS[method]
-            seeds = [row for row in rows if row["method"] == method]
-            middle = sorted(
-                (row for row in medians if row["method"] == method), key=lambda row: row["omega"]
-            )
-            axis.plot(
-                [row["omega"] for row in seeds], [read(row) for row in seeds],
-                "o", color=color, alpha=0.35, markersize=4,
-            )  # fmt: skip
-            axis.plot(
-                [row["omega"] for row in middle], [read(row) for row in middle],
-                "-", color=color, label=_LABELS[method],
-            )  # fmt: skip
-        axis.set_xlabel("omega [rad/s]")
+    scenario = LoadScenario(text=result.scenario)
+    distances, angles = CalcHandErrors(result, scenario)
+    off, turned = pose_errors(result.true_pose, result.recognized_pose)
+    figure, ((above,), (below,)) = NewFigure(2, 1, (9.0, 6.0))
+    for axis, hand, seen, label in (
+        (above, 1e3 * distances, 1e3 * off, "position error [mm]"),
+        (below, np.degrees(angles), np.degrees(turned), "rotation error [deg]"),
+    ):
+        for values, color, width, name in (
+            (hand, "tab:orange", 1.2, "hand"), (seen, "tab:blue", 0.8, "recognition"),
+        ):  # fmt: skip
+            axis.semilogy(result.time, np.maximum(values, 1e-3), color, lw=width, label=name)
         axis.set_ylabel(label)
+        axis.grid(alpha=0.3, which="both")
+        axis.margins(x=0.01)
+    above.legend()
+    above.set_title(f"Errors while following, method {scenario.method}, seed {scenario.seed}")
+    below.set_xlabel("time [s]")
+    return figure
+
+
+def PlotSpace(result: SimulationResult) -> Figure:
+    """The hand's paths in space, desired and actual.
+
+    Args:
+        result: A simulation's record.
+
+    Returns:
+        The figure: from above and from the side, in the first hand frame.
+    """
+    figure, axes = NewFigure(1, 2, (11.0, 5.0))
+    actual, desired = 1e3 * result.actual_hand_pose, 1e3 * result.desired_hand_pose
+    for axis, (a, b) in zip(axes[0], ((0, 2), (0, 1)), strict=True):
+        axis.plot(desired[:, a], desired[:, b], "k--", lw=1.2, label="desired")
+        axis.plot(actual[:, a], actual[:, b], "tab:blue", lw=1.0, label="actual")
+        axis.plot(*actual[0, [a, b]], "o", color="tab:green", label="start")
+        axis.set_xlabel(f"{'xyz'[a]} [mm]")
+        axis.set_ylabel(f"{'xyz'[b]} [mm]")
         axis.grid(alpha=0.3)
-        if from_zero:
-            axis.set_ylim(bottom=0.0)
-    axes[0, 0].legend()
-    window = f"after the first {SETTLED_AFTER:g} s" if settled else "all frames"
-    figure.suptitle(f"Medians over the seeds (points: single seeds), {window}")
+        low, high = axis.get_ylim()
+        axis.set_ylim(min(low, -10.0), max(high, 10.0))
+    axis.invert_yaxis()  # y points down
+    axis.legend()
+    figure.suptitle("Hand in its first frame: from above (left) and from behind (right)")
     return figure
 
 
@@ -228,7 +234,7 @@ def PlotTrack(
         fitness: Their fitness, shape (K,).
     """
     figure, axes = SixPanels(f"Recognized pose; mean fitness {fitness.mean():.3f}")
-    for k, (axis, (_, scale)) in enumerate(zip(axes, _COORDINATES, strict=True)):
+    for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
         axis.plot(times, scale * poses[:, k], color="tab:blue", linewidth=1.0)
     return figure
 

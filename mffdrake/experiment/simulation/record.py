@@ -12,7 +12,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.scenario.scenario import Scenario
-from mffdrake.experiment.simulation.pictures import SaveImage
 from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts, MakeRig
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
@@ -21,9 +20,9 @@ from mffdrake.recognition.parameters import plain
 from mffdrake.recognition.parameters.yaml_text import DumpYaml
 from mffdrake.recognition.poses.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.recordings.files import WholeFile
-from mffdrake.recognition.recordings.image_files import RemoveNumbered
-from mffdrake.recognition.recordings.rig_file import DumpRig
+from mffdrake.recognition.recordings.image_files import RemoveNumbered, SaveImage
 from mffdrake.recognition.recordings.trajectory import SaveTrajectory, Trajectory
+from mffdrake.systems.cameras.rig_file import DumpRig
 
 __all__ = ["Record", "TrackCommand"]
 

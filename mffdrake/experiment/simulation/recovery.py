@@ -1,4 +1,4 @@
-"""How a recognition lost the target and found it again."""
+"""How a recognition lost the target and found it again, and how well a hand followed it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.experiment.scenario.scenario import Scenario
+from mffdrake.experiment.simulation.simulation import SimulationResult
+from mffdrake.experiment.simulation.wiring.target import CalcWantedPose
+from mffdrake.recognition.poses.pose import pose_errors, pose_from_transform
 from mffdrake.systems.clutter.occluder import Occluder
 from mffdrake.systems.disturbances.missing_images import Black, Frozen
 
-__all__ = ["RECOVERY", "CalcRecovery", "OutageEnd"]
+__all__ = ["RECOVERY", "CalcHandErrors", "CalcRecovery", "FindLoss", "OutageEnd", "WantedPose"]
+
+Array = NDArray[np.float64]
+
+_LOST = (0.05, np.radians(15.0))  # A recognized pose farther off than that [m], [rad] ...
+_LOST_FOR = 1.0  # ... for so long [s] is lost.
 
 RECOVERY: dict[str, type] = {
     "first_right": int, "longest_wrong": int, "after_outage": int, "recovered": bool,
@@ -79,3 +87,44 @@ def CalcRecovery(
         "after_outage": int(again[0]) if len(again) else None,
         "recovered": bool(len(again)) if after.any() else None,
     }
+
+
+def WantedPose(scenario: Scenario) -> Array:
+    """Where the first camera is to see the target: the pose vector, shape (6,)."""
+    X_CM = CalcWantedPose(scenario)
+    return pose_from_transform(X_CM.rotation().matrix(), X_CM.translation())
+
+
+def CalcHandErrors(result: SimulationResult, scenario: Scenario) -> tuple[Array, Array]:
+    """How far the target truly is from where the camera is to see it, at every frame.
+
+    Args:
+        result: A simulation's record, of K frames.
+        scenario: Its scenario.
+
+    Returns:
+        Distances [m] and angles [rad], each of shape (K,).
+    """
+    return pose_errors(result.true_pose, WantedPose(scenario))
+
+
+def FindLoss(result: SimulationResult) -> float | None:
+    """When the target was lost [s]: a recognized pose that has nothing to do with it for a second.
+
+    Args:
+        result: A simulation's record.
+
+    Returns:
+        When that began first; None where it never did.
+    """
+    distances, angles = pose_errors(result.true_pose, result.recognized_pose)
+    off = (distances > _LOST[0]) | (angles > _LOST[1])
+    since: float | None = None
+    for time, is_off in zip(result.time.tolist(), off.tolist(), strict=True):
+        if not is_off:
+            since = None
+        elif since is None:
+            since = time
+        if since is not None and time - since >= _LOST_FOR:
+            return since
+    return None

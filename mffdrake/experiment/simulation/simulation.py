@@ -22,9 +22,12 @@ from mffdrake.recognition.poses.pose import pose_from_transform
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
 
-__all__ = ["Simulate", "SimulationResult"]
+__all__ = ["STAGES", "Simulate", "SimulationResult"]
 
 Array = NDArray[np.float64]
+
+STAGES = ("render", "recognition", "prediction", "total")
+"""Whose wall time is measured; the total includes dynamics and control."""
 
 
 @dc.dataclass(kw_only=True)
@@ -253,9 +256,7 @@ class _Recorder:
             for field in dc.fields(SimulationResult)
             if field.name not in ("scenario", "stages_ms", "wall_s", "symmetries")
         }
-        self._stages: dict[str, list[float]] = {
-            "render": [], "recognition": [], "prediction": [], "total": [],
-        }  # fmt: skip
+        self._stages: dict[str, list[float]] = {name: [] for name in STAGES}
         self._marks: list[float] = []
         self._start = time.perf_counter()
 

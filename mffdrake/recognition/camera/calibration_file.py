@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mffdrake.recognition.parameters import InputError
+
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 
-class CalibrationError(ValueError):
+class CalibrationError(InputError, ValueError):
     """A calibration file is wrong; the message is one line that names the file and the key."""
 
 

@@ -23,13 +23,14 @@ from mffdrake.recognition.parameters.checked import (
     parameters,
     read_parameters,
 )
-from mffdrake.recognition.parameters.messages import did_you_mean, unknown_key
+from mffdrake.recognition.parameters.messages import InputError, did_you_mean, unknown_key
 from mffdrake.recognition.parameters.one_of import OneOf, choices, is_choice, kind_of, tag_of
 from mffdrake.recognition.parameters.plain_data import describe, merge, plain
 
 __all__ = [
     "Count",
     "Finite",
+    "InputError",
     "Interval",
     "NonNegative",
     "OneOf",

@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from mffdrake.recognition.parameters.messages import TAG, explain
+from mffdrake.recognition.parameters.messages import TAG, InputError, explain
 
 __all__ = [
     "Count",
@@ -51,7 +51,7 @@ Interval = tuple[Finite, Finite]
 """Two finite numbers."""
 
 
-class ParameterError(ValueError):
+class ParameterError(InputError, ValueError):
     """A parameter is wrong; the message is one line for the person who gave it."""
 
 

@@ -8,7 +8,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-__all__ = ["TAG", "did_you_mean", "explain", "unknown_key"]
+__all__ = ["TAG", "InputError", "did_you_mean", "explain", "unknown_key"]
+
+
+class InputError(Exception):
+    """Something that whoever gave the input can mend; the message is one line for that person."""
+
 
 TAG = "_tag"
 """The key under which a mapping's tag is kept once YAML is read."""

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
 from mffdrake.recognition.fitness.colors import ColorModel, FaceColor, learn_color
-from mffdrake.recognition.parameters import Finite, ParameterError, parameters, read_parameters
+from mffdrake.recognition.parameters import (
+    Finite,
+    InputError,
+    ParameterError,
+    parameters,
+    read_parameters,
+)
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.solid.solid_model import SolidModel
@@ -28,7 +34,7 @@ _BORDER = 3  # pixels that may show a neighboring face or a blend
 _PIECES = 16  # of a face's side, which a lens may bend
 
 
-class ColorFileError(ValueError):
+class ColorFileError(InputError, ValueError):
     """A file of colors is wrong; the message is one line for the person who wrote it."""
 
 

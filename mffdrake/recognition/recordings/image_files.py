@@ -1,4 +1,4 @@
-"""Images from folders, patterns and videos."""
+"""Images from folders, patterns and videos, and to files."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mffdrake.recognition.parameters import InputError
+from mffdrake.recognition.recordings.files import WholeFile
+
 __all__ = [
     "ImageFiles",
     "ImageSource",
@@ -19,6 +22,7 @@ __all__ = [
     "ReadImage",
     "ReadMask",
     "RemoveNumbered",
+    "SaveImage",
     "Video",
 ]
 
@@ -28,7 +32,7 @@ _SUFFIXES = {".bmp", ".jpg", ".jpeg", ".png", ".ppm", ".tif", ".tiff", ".webp"}
 _VIDEOS = {".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpg", ".mpeg", ".webm"}
 
 
-class ImageSourceError(ValueError):
+class ImageSourceError(InputError, ValueError):
     """Images cannot be had; the message is one line for the person who named them."""
 
 
@@ -166,6 +170,22 @@ def ReadMask(path: Path | str) -> NDArray[np.bool_]:
     if image.ndim == 3:
         image = image[:, :, 3] if image.shape[2] == 4 else image.max(axis=2)
     return np.asarray(image > 0.5 * image.max()) & (image > 0)
+
+
+def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
+    """Writes an RGB image as PNG, whole or not at all.
+
+    Args:
+        image: Shape (height, width, 3).
+        path: The file.
+
+    Raises:
+        OSError: When it cannot be written.
+    """
+    import cv2
+
+    with WholeFile(path) as part:
+        part.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
 
 
 def RemoveNumbered(folder: Path, start: int = 0) -> None:

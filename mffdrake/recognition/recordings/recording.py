@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
+from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_motion import transport_pose
 from mffdrake.recognition.recordings.image_files import ImageSource
@@ -38,7 +39,7 @@ _LEAST_FRAMES = 5
 _CLEARLY_WORSE = 2.0
 
 
-class RecordingError(ValueError):
+class RecordingError(InputError, ValueError):
     """A recording is not whole; the message is one line for the person who made it."""
 
 
@@ -165,7 +166,7 @@ class TrackedFrame:
         e = self.estimate
         x, y, z = e.p_CM.tolist()
         qx, qy, qz, qw = e.quaternion_xyzw.tolist()
-        std: dict[str, float | str] = {"std_position_mm": "", "std_rotation_deg": ""}
+        std: dict[str, float | None] = {"std_position_mm": None, "std_rotation_deg": None}
         if e.refined:
             std = {
                 "std_position_mm": 1e3 * e.std_position,
@@ -176,7 +177,7 @@ class TrackedFrame:
             "x": x, "y": y, "z": z, "qx": qx, "qy": qy, "qz": qz, "qw": qw,
             "fitness": e.fitness, "refined": int(e.refined), **std, "ms": self.ms,
             "state": e.state.name.lower(), "is_tracking": int(e.is_tracking),
-            "confidence": "" if np.isnan(e.confidence) else e.confidence,
+            "confidence": None if np.isnan(e.confidence) else e.confidence,
         }  # fmt: skip
 
 

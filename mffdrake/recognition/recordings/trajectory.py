@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.poses.pose import quaternion_scalar
 from mffdrake.recognition.recordings.files import WholeFile
 
@@ -21,7 +22,7 @@ _COLUMNS = "time x y z qx qy qz qw"
 _UNIT_TOLERANCE = 1e-3
 
 
-class TrajectoryError(ValueError):
+class TrajectoryError(InputError, ValueError):
     """A file of poses is wrong; the message is one line for the person who wrote it."""
 
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from pydrake.multibody.tree import PrismaticJoint
 
+from mffdrake.recognition.parameters import InputError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -20,7 +22,7 @@ POSE_SIZE = 6
 """Number of joints that a hand pose takes."""
 
 
-class ArmError(ValueError):
+class ArmError(InputError, ValueError):
     """The arm's description does not make an arm; the message is one line that says why."""
 
 

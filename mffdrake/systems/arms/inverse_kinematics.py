@@ -14,6 +14,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from mffdrake.recognition.parameters import InputError
 from mffdrake.systems.arms.arm_joints import POSE_SIZE, CheckPosture, MovingJoints, UnitOf
 from mffdrake.systems.arms.elbow import Elbow
 from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS
@@ -35,7 +36,7 @@ _POSITION_REMEDY = "Reduce the path's amplitude or distance, or move X_WE0."
 _VELOCITY_REMEDY = "Reduce the path's omega or amplitude."
 
 
-class UnreachablePathError(ValueError):
+class UnreachablePathError(InputError, ValueError):
     """The arm cannot follow the path; the message says when, why and what to change."""
 
 

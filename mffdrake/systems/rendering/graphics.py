@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mffdrake.recognition.parameters import InputError
+
 __all__ = ["GraphicsUnavailableError", "RequireGraphics"]
 
 _PROBE = Path(__file__).with_name("graphics_probe.py")
@@ -21,7 +23,7 @@ _REMEDY = (
 )
 
 
-class GraphicsUnavailableError(RuntimeError):
+class GraphicsUnavailableError(InputError, RuntimeError):
     """This machine cannot render; the message says what is missing and what helps."""
 
 

@@ -1,11 +1,13 @@
-"""Shows a simulation in Meshcat and records it as a self-contained HTML file."""
+"""Shows a simulation in Meshcat, records it as a self-contained HTML file, draws a diagram."""
 
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pydot
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     Cylinder,
@@ -18,12 +20,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 
-__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveReplay"]
+__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay"]
 
 _PUBLISH_PERIOD = 0.033
 _GHOST_SCALE = 1.02  # A little larger than the target, so that their faces do not flicker.
@@ -145,3 +147,24 @@ def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:
     meshcat.PublishRecording()
     with WholeFile(path) as part:
         part.write_text(meshcat.StaticHtml(), encoding="utf-8")
+
+
+def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
+    """Draws a diagram with Graphviz.
+
+    Args:
+        diagram: The diagram.
+        path: The file; its suffix tells the format, SVG or PNG.
+
+    Raises:
+        FileNotFoundError: When Graphviz's program ``dot`` is not installed.
+        OSError: When the file cannot be written.
+    """
+    if shutil.which("dot") is None:
+        raise FileNotFoundError(
+            "drawing the diagram needs Graphviz; install it with: sudo apt-get install graphviz"
+        )
+    graphs = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
+    assert graphs is not None  # Drake writes what pydot reads.
+    with WholeFile(path) as part:
+        graphs[0].write(str(part), format=Path(path).suffix[1:])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 
 from mffdrake.experiment.commands.main import main
-from mffdrake.experiment.commands.progress import ProgressBar
+from mffdrake.experiment.progress import ProgressBar
 
 NO_PROGRESS = {"TQDM_DISABLE": "1"}  # A busy machine would bring a line of it.
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from mffdrake.experiment.commands.overlay import OVERLAYS, MakeOverlay
+from mffdrake.recognition.recordings.overlay import OVERLAYS, MakeOverlay
 
 COLORS = np.array([(220, 40, 40), (40, 200, 60), (50, 60, 210)], dtype=np.uint8)
 

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from mffdrake.experiment.runs.executors.executors import Outcome, WorkerDiedError
+from mffdrake.recognition.parameters import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -26,7 +27,7 @@ _CHECK_PERIOD = 1.0  # s; how often to look whether the scheduler is still there
 _SIMULATION_THREAD = ThreadPoolExecutor(1, thread_name_prefix="simulation")
 
 
-class ClusterError(RuntimeError):
+class ClusterError(InputError, RuntimeError):
     """A cluster cannot be used (any more); the message says what helps."""
 
 

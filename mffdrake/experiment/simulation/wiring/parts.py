@@ -21,7 +21,7 @@ from mffdrake.experiment.simulation.wiring.cameras import (
     MakeRig,
 )
 from mffdrake.experiment.simulation.wiring.desired_hand import MakeReferencePath
-from mffdrake.experiment.simulation.wiring.target import AddTarget, LoadSolid, Target
+from mffdrake.experiment.simulation.wiring.target import AddScenarioTarget, LoadSolid
 from mffdrake.recognition import CameraRig, SolidModel
 from mffdrake.systems.arms.hand_path import SolveHandPath
 from mffdrake.systems.cameras.camera_delay import AddDelay, GeometryPoser
@@ -30,6 +30,8 @@ from mffdrake.systems.cameras.stereo_camera import AddStereoCamera
 from mffdrake.systems.disturbances import AddDisturbances
 from mffdrake.systems.rendering.graphics import GraphicsUnavailableError
 from mffdrake.systems.rendering.renderers import AddRenderer
+from mffdrake.systems.target_motion import AtRest
+from mffdrake.systems.target_motion.target import Target
 
 __all__ = [
     "AddCameras",
@@ -95,10 +97,11 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Station:
     )
     arm = scenario.arm.AddToPlant(plant)
     AddFrames(plant, arm, scenario)
-    target = AddTarget(scene_graph, scenario)
+    target = AddScenarioTarget(scene_graph, scenario)
     plant.Finalize()
     plant.SetDefaultPositions(path.value(0.0).reshape(-1))
-    target.AddPose(builder, scene_graph, scenario, name="target")
+    still = isinstance(scenario.target.motion, AtRest)
+    target.AddPose(builder, scene_graph, scenario.target.CalcPose, name="target", still=still)
     return Station(
         plant=plant, scene_graph=scene_graph, arm=arm, known_arm=known_arm, path=path,
         target=target, solid=LoadSolid(target.mesh),
@@ -168,8 +171,9 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
             geometry_pose = poser.get_output_port()
         builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
         station.target.AddPose(
-            builder, render_scene, scenario, name=f"exposed_target{suffix}", latency=latency
-        )
+            builder, render_scene, scenario.target.CalcPose, name=f"exposed_target{suffix}",
+            latency=latency, still=isinstance(scenario.target.motion, AtRest),
+        )  # fmt: skip
         AddClutter(builder, render_scene, scenario, station.solid, latency=latency)
         renderer = _AddRenderer(render_scene, scenario)
         try:

@@ -14,6 +14,7 @@ from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.camera.distortion import Distortion
 from mffdrake.recognition.parameters import (
     Finite,
+    InputError,
     OneOf,
     ParameterError,
     Vector3,
@@ -32,7 +33,7 @@ _ALL_NUMBERS = ", ".join(_NUMBERS)
 _FILE_ERROR = 1.0  # [px] What the calibration of a real camera may well leave
 
 
-class RigError(ValueError):
+class RigError(InputError, ValueError):
     """A rig file is wrong; the message is one line for the person who wrote it."""
 
 

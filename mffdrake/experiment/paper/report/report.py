@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import base64
 import dataclasses as dc
-import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mffdrake.experiment.paper.report_figures import PlotStudies, PlotTable
-from mffdrake.experiment.paper.report_text import MakeText
-from mffdrake.experiment.paper.reproduction import Reproduction, RunPlan, Summarize
+from mffdrake.experiment.paper.report.figures import AXIS_LABELS, PlotStudies, PlotTable
+from mffdrake.experiment.paper.report.text import MakeText
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS, MakeStudies
+from mffdrake.experiment.paper.study import (
+    QuartilesOf,
+    Reproduction,
+    RunStudies,
+    Study,
+    Summarize,
+)
+from mffdrake.experiment.runs.engine import EndedRun
 from mffdrake.experiment.runs.executors.executors import Executor
-from mffdrake.experiment.runs.fingerprint import CodeFingerprint
-from mffdrake.experiment.runs.store import Record
-from mffdrake.experiment.runs.study import PlannedRun, PlanRuns, Study
+from mffdrake.experiment.runs.store import CodeFingerprint
+from mffdrake.experiment.runs.table import Group, WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import Scenario
-from mffdrake.experiment.simulation.evaluation import Versions, WriteCsv
 from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, SaveFigure
 from mffdrake.recognition.recordings.files import WholeFile
 
@@ -48,7 +52,7 @@ def Reproduce(
     studies: Sequence[Study] | None = None,
     base: Scenario | None = None,
     executor: Executor | None = None,
-    on_run: Callable[[PlannedRun, Record, bool], None] | None = None,
+    on_run: Callable[[EndedRun], None] | None = None,
 ) -> Reproduction:
     """Runs the paper's experiment, with statistics and more, and writes the report.
 
@@ -59,7 +63,7 @@ def Reproduce(
         studies: What to run; `MakeStudies` with its defaults without.
         base: What the studies' scenarios are on top of; the defaults without.
         executor: Where to run; processes of this machine, one a core, by default.
-        on_run: See `RunPlan`.
+        on_run: Called for every distinct run that has ended, see `RunPlan`.
 
     Returns:
         What came out; for the files see `WriteReport`.
@@ -81,8 +85,8 @@ def Reproduce(
         >>> result.rows[0]["label"], (Path(folder) / "report.html").exists()
         ('fixed, middle', True)
     """
-    plan = PlanRuns(MakeStudies() if studies is None else studies, base or Scenario())
-    reproduction = RunPlan(plan, folder, executor=executor, on_run=on_run)
+    chosen = MakeStudies() if studies is None else studies
+    reproduction = RunStudies(chosen, base or Scenario(), folder, executor=executor, on_run=on_run)
     WriteReport(reproduction, folder)
     return reproduction
 
@@ -153,32 +157,22 @@ def MakeHtml(markdown_text: str, folder: Path | str) -> str:
     )
 
 
-def _WriteNumbers(
-    rows: Sequence[dict[str, Any]], summary: Sequence[dict[str, Any]], folder: Path
-) -> None:
-    about = {"versions": Versions(), "code": CodeFingerprint()}
-    plain = [
-        {
-            **entry,
-            **{
-                window: {k: q and dc.asdict(q) for k, q in entry[window].items()}
-                for window in ("all", "settled")
-            },
-        }
-        for entry in summary
-    ]
-    for name, data in (
-        ("runs.json", {"runs": list(rows), **about}),
-        ("summary.json", {"variants": plain, **about}),
-    ):
-        with WholeFile(folder / name) as part:
-            part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    WriteCsv(rows, folder / "runs.csv")
+def _WriteNumbers(rows: Sequence[dict[str, Any]], summary: Sequence[Group], folder: Path) -> None:
+    """Rows, and medians and quartiles of the figures of the paper's table."""
+    about = {"code": CodeFingerprint()}
+    variants = []
+    for group in summary:
+        entry = {**group.labels, "done": len(group.done), "error": group.error}
+        for window in ("all", "settled"):
+            cells = {cell: QuartilesOf(group, cell, window) for cell in AXIS_LABELS}
+            entry[window] = {cell: q and dc.asdict(q) for cell, q in cells.items()}
+        variants.append(entry)
+    WriteJson({"runs": list(rows), **about}, folder / "runs.json")
+    WriteJson({"variants": variants, **about}, folder / "summary.json")
+    WriteRows(rows, folder / "runs.csv")
 
 
-def _Figures(
-    reproduction: Reproduction, summary: Sequence[dict[str, Any]]
-) -> Iterator[tuple[str, Figure]]:
+def _Figures(reproduction: Reproduction, summary: Sequence[Group]) -> Iterator[tuple[str, Figure]]:
     records = reproduction.records
     slow, fast = PAPER_OMEGAS[0], PAPER_OMEGAS[-1]
     if ("mff", slow) in records:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from robustness_conditions import MOTIONS
-from robustness_page import METHODS, select, share
+from studies.robustness_conditions import MOTIONS
+from studies.robustness_page import METHODS, select, share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

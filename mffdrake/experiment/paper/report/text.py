@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from typing import Any
 
-from mffdrake.experiment.paper.report_figures import ShownWindow
-from mffdrake.experiment.paper.report_tables import (
+from mffdrake.experiment.paper.report.figures import ShownWindow
+from mffdrake.experiment.paper.report.tables import (
     InvarianceTable,
     OscillationTable,
     PaperTable,
     StudyTable,
     SummaryLines,
 )
-from mffdrake.experiment.paper.reproduction import Reproduction
+from mffdrake.experiment.paper.study import Reproduction
+from mffdrake.experiment.runs.table import Group
 from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Versions
 
 __all__ = ["MakeText"]
@@ -29,7 +29,7 @@ _PICTURES = {
 
 
 def MakeText(
-    reproduction: Reproduction, summary: Sequence[dict[str, Any]], pictures: Collection[str]
+    reproduction: Reproduction, summary: Sequence[Group], pictures: Collection[str]
 ) -> str:
     """The whole report.
 
@@ -57,9 +57,7 @@ def MakeText(
 _Show = Callable[[str], Iterator[str]]
 
 
-def _Sections(
-    reproduction: Reproduction, summary: Sequence[dict[str, Any]], show: _Show
-) -> Iterator[str]:
+def _Sections(reproduction: Reproduction, summary: Sequence[Group], show: _Show) -> Iterator[str]:
     yield from _Beginning(reproduction, summary)
     yield from _TheHand(reproduction, show)
     yield from _TheTables(reproduction, summary, show)
@@ -86,7 +84,7 @@ def _Sections(
     )
 
 
-def _Frames(summary: Sequence[dict[str, Any]]) -> str:
+def _Frames(summary: Sequence[Group]) -> str:
     settled = ShownWindow(summary) == "settled"
     return f", without the first {SETTLED_AFTER:g} s" if settled else ", over all frames"
 
@@ -95,7 +93,7 @@ def _Count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _Beginning(reproduction: Reproduction, summary: Sequence[dict[str, Any]]) -> Iterator[str]:
+def _Beginning(reproduction: Reproduction, summary: Sequence[Group]) -> Iterator[str]:
     yield "# The paper's experiment, reproduced"
     done = [row for row in reproduction.rows if row["status"] == "done"]
     durations = sorted({row["duration"] for row in done})
@@ -136,9 +134,7 @@ def _TheHand(reproduction: Reproduction, show: _Show) -> Iterator[str]:
     yield OscillationTable(reproduction)
 
 
-def _TheTables(
-    reproduction: Reproduction, summary: Sequence[dict[str, Any]], show: _Show
-) -> Iterator[str]:
+def _TheTables(reproduction: Reproduction, summary: Sequence[Group], show: _Show) -> Iterator[str]:
     yield "## Recognition over time (Fig. 7)"
     yield "The first seed, started near the target, at the lowest and at the highest speed."
     yield from show("fig7.png")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses as dc
-import json
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,23 +18,21 @@ from mffdrake.experiment.commands.arguments import (
     ImagesByCamera,
     LoadTarget,
 )
-from mffdrake.experiment.commands.overlay import MakeOverlay
-from mffdrake.experiment.commands.progress import ProgressBar
+from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.runs.table import WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import LoadRecognizer
-from mffdrake.experiment.simulation.evaluation import Versions, WriteCsv
-from mffdrake.experiment.simulation.pictures import SaveImage
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
 from mffdrake.recognition import PoseTracker, TrackerParameters
 from mffdrake.recognition.recordings.color_file import LoadColors
-from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
-from mffdrake.recognition.recordings.image_files import OpenImages
+from mffdrake.recognition.recordings.files import MakeOutputFolder
+from mffdrake.recognition.recordings.image_files import OpenImages, SaveImage
+from mffdrake.recognition.recordings.overlay import MakeOverlay
 from mffdrake.recognition.recordings.recording import (
     MotionWarning,
     Recording,
     TrackedFrame,
     TrackRecording,
 )
-from mffdrake.recognition.recordings.rig_file import LoadRig
 from mffdrake.recognition.recordings.trajectory import (
     LoadPose,
     LoadTrajectory,
@@ -43,6 +40,7 @@ from mffdrake.recognition.recordings.trajectory import (
     Trajectory,
 )
 from mffdrake.recognition.visibility.outline import DrawViews
+from mffdrake.systems.cameras.rig_file import LoadRig
 
 __all__ = ["RunTrack"]
 
@@ -166,14 +164,13 @@ def _Write(
     folder: Path,
 ) -> None:
     """Writes what was tracked."""
-    WriteCsv([frame.Row() for frame in tracked], folder / "poses.csv")
+    WriteRows([frame.Row() for frame in tracked], folder / "poses.csv")
     times = np.array([frame.recorded.time for frame in tracked])
     poses = np.array([frame.estimate.pose for frame in tracked])
     SaveTrajectory(Trajectory(times, poses), folder / "poses.tum")
     last = tracked[-1]
     data = {
         "settings": {k: v for k, v in vars(options).items() if k not in ("command", "verbose")},
-        "versions": Versions(),
         "frames": len(tracked),
         "means": {
             "fitness": float(np.mean([frame.estimate.fitness for frame in tracked])),
@@ -183,8 +180,7 @@ def _Write(
         "search": _Search(tracked[0]),
         "last_refinement": _LastRefinement(last, tracker),
     }
-    with WholeFile(folder / "track.json") as part:
-        part.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    WriteJson(data, folder / "track.json")
     matcher = tracker.ga.matcher
     views = DrawViews(last.recorded.images, last.estimate.pose, matcher.solid, matcher.rig)
     SaveImage(views, folder / "last_frame.png")

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mffdrake.experiment.simulation.pictures import SaveImage
 from mffdrake.recognition.recordings.files import WholeFile
-from mffdrake.recognition.recordings.image_files import RemoveNumbered
+from mffdrake.recognition.recordings.image_files import RemoveNumbered, SaveImage
 
 __all__ = ["OVERLAYS", "MakeOverlay"]
 

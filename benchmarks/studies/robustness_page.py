@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from robustness_conditions import MOTIONS, texts
-from tables import markdown
+from studies.robustness_conditions import MOTIONS
+
+from mffdrake.experiment.runs.table import GroupRows, Markdown, SummaryTable
 
 Row = dict[str, Any]
 METHODS = ("ga", "mff")
@@ -25,21 +25,112 @@ that the parameters were tuned on. Code: {code}.
 Two motions: {motions} (`scenarios/shaking_hand.yaml`). `ga`
 is without motion feedforward, `mff` with it.
 
-- *error*: root-mean-square distance from the true position [mm], over the frames whose pose the
-  tracker calls good (`is_tracking`); median over the seeds.
+Tables have medians over the seeds, of shares means:
+
+- *fitness*, *position* and *rotation*: mean fitness, and root-mean-square errors of all frames;
+  *tracked*: of the position, over the frames whose pose the tracker calls good (`is_tracking`).
 - *right*: share of the frames whose pose is within 5 mm and 1 deg of the truth.
 - *tracking*: share of the frames whose pose the tracker calls good.
 - *false*: share of the frames whose pose it calls good although it is not right.
 - *missed*: share of the frames whose pose it does not call good although it is right. A pose that
   is carried along by the feedforward while nothing can be seen counts here too.
-- *longest*: the longest stretch of frames that are not right, after the first right one; median
-  over the seeds, and in brackets the longest of all.
+- *longest*: the longest stretch of frames that are not right, after the first right one.
 - *recover*: frames from the end of the outage to the first right one, 0 where the pose is right at
-  once; median over the seeds, which counts runs without any as endless, and in brackets the number
-  of those runs, if any.
+  once, of the runs that have one.
 
-Shares are means over the seeds and count every frame, those of the search at the start too. The
+Shares count every frame, those of the search at the start too. The
 lines *none* of the tables are the undisturbed runs of the same seeds."""
+
+
+TEXTS = {
+    "none": (
+        "Nothing is disturbed."
+    ),
+    "motion blur": (
+        "The shutter is open for so long before each frame (`MotionBlur`). The true pose is "
+        "that at its end, so a blurred target lies behind it by half the exposure."
+    ),
+    "noise": (
+        "Normal noise of every channel of every pixel (`GaussianNoise`)."
+    ),
+    "salt and pepper": (
+        "Pixels that are white or black (`SaltAndPepper`)."
+    ),
+    "brightness": (
+        "All levels are multiplied by a gain that swings about 1 by so much, once in a run "
+        "(`Brightness`)."
+    ),
+    "color temperature": (
+        "The gains of red and blue swing in opposite directions by so much, once in a run "
+        "(`ColorTemperature`)."
+    ),
+    "occluder": (
+        "A grey plate passes 0.3 m in front of the target, from 30 % to 70 % of the run "
+        "(`Occluder`). The widest one hides the whole target in both images for a while; the "
+        "frames to recover count from when it has come to rest beside the target."
+    ),
+    "hidden": (
+        "A grey plate stands 0.3 m in front of the target all the time. Seen from the hand's "
+        "place at rest, it hides this share of the target's pixels, its lower part, in both "
+        "images."
+    ),
+    "distractors": (
+        "Spheres and cubes of 3 cm in the target's own colors fly about behind it "
+        "(`Distractors`)."
+    ),
+    "dropped frames": (
+        "Each camera shows its last image again, with this probability (`DroppedFrames`). "
+        "Where both do, the images are good ones, but of the frame before: only what is known"
+        " of the motion can tell."
+    ),
+    "late frames": (
+        "Each camera's image is one or two frames late, with this probability, and then "
+        "mostly in one camera alone (`LateFrames`)."
+    ),
+    "left and right out of step": (
+        "The left camera's image is one frame late, with this probability; the right one's "
+        "never (`LateFrames`). At 100 % the cameras are a frame apart all the time. The right"
+        " one is the reference: its time is that of the true pose."
+    ),
+    "frozen images": (
+        "Both cameras show the same images for so long, from 30 % of the run on (`Frozen`). "
+        "The images are good ones, but of an earlier moment: only what is known of the motion"
+        " can tell, and `ga` knows nothing of it."
+    ),
+    "black images": (
+        "Both cameras' images are black for so long, from 30 % of the run on (`Black`)."
+    ),
+    "encoder noise": (
+        "Normal noise of every joint angle that controller and feedforward read, another one "
+        "every tick (`encoders.noise_deg`)."
+    ),
+    "encoder offset": (
+        "Every joint angle is off by so much, by turns in either direction "
+        "(`encoders.offset_deg`)."
+    ),
+    "hand-eye error": (
+        "The feedforward takes the cameras to be turned and shifted by so much about and "
+        "along every axis (`predictor.hand_eye_error_deg` and `hand_eye_error`)."
+    ),
+    "focal error": (
+        "The recognizer takes the cameras' focal lengths to be longer by so much "
+        "(`calibration.focal_error`). The target then seems farther away by the same share, "
+        "by its size as by its disparity, so that the images hardly contradict it."
+    ),
+    "baseline error": (
+        "The recognizer takes the left camera to be farther from the right one by so much "
+        "(`calibration.baseline_error`)."
+    ),
+    "out of view": (
+        "The cameras sit higher on the hand (or farther to the left), so that this share of "
+        "the target, seen from the hand's place at rest, is beyond the lower edge of both "
+        "images (or the right edge of the left image alone)."
+    ),
+    "all together": (
+        "The weakest strength of each group at once, without frozen and black images, with the "
+        "whole target in view and no plate that stands before it."
+    ),
+}  # fmt: skip
 
 
 def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
@@ -68,7 +159,7 @@ def page(rows: Sequence[Row], options: argparse.Namespace, code: str) -> str:
         parts.append(
             "![Shares of right, false and missed frames for every condition](images/robustness.png)"
         )
-    for group, text in texts().items():
+    for group, text in TEXTS.items():
         members = [row for row in done if row["group"] == group]
         if members:
             title = group[0].upper() + group[1:]
@@ -111,16 +202,13 @@ def totals(rows: Sequence[Row]) -> str:
                 count = sum(round(row[f"tracking.{name}"] * row["frames"]) for row in members)
                 cells.append(f"{count} ({percent(count / frames)})")
             lines.append(cells)
-    return markdown(["motion", "method", "frames", "right", "tracking", "false", "missed"], lines)
+    return Markdown(["motion", "method", "frames", "right", "tracking", "false", "missed"], lines)
 
 
 def _groups(rows: Sequence[Row]) -> dict[tuple[str, str, str, str], list[Row]]:
     """The seeds' rows of each group, strength, motion and method, in order of appearance."""
-    found: dict[tuple[str, str, str, str], list[Row]] = {}
-    for row in rows:
-        key = (row["group"], row["strength"], row["motion"], row["method"])
-        found.setdefault(key, []).append(row)
-    return found
+    by = ("group", "strength", "motion", "method")
+    return {tuple(group.labels.values()): group.rows for group in GroupRows(rows, by)}
 
 
 def _ranking(rows: Sequence[Row]) -> str:
@@ -174,58 +262,21 @@ def summary(rows: Sequence[Row], group: str) -> str:
     _, strength, motion, method = worst
     where = f"{motion}, `{method}`" if len(strengths) == 1 else f"{strength}, {motion}, `{method}`"
     tail = f"at most {percent(false)} ({where})" if false > 0.0 else "none at all"
-    return f"Right frames{order}: {'; '.join(curves)}. False ones: {tail}."
+    never = sum(row["recovery.recovered"] is False for found in groups.values() for row in found)
+    lost = f" In {never} runs it is not found again." if never else ""
+    return f"Right frames{order}: {'; '.join(curves)}. False ones: {tail}.{lost}"
 
 
-COLUMNS: dict[str, Callable[[Sequence[Row]], str]] = {
-    "error [mm]": lambda rows: _median(rows, "rms_tracked.position_mm", "{:.2f}"),
-    "right": lambda rows: percent(share(rows, "right")),
-    "tracking": lambda rows: percent(share(rows, "says_so")),
-    "false": lambda rows: percent(share(rows, "false")),
-    "missed": lambda rows: percent(share(rows, "missed")),
-    "longest": lambda rows: _longest(rows),
-    "recover": lambda rows: _recover(rows),
-}
+MORE = ("rms_tracked.position_mm", "recovery.longest_wrong", "recovery.after_outage")
 
 
 def table(rows: Sequence[Row], group: str) -> str:
     """The table of one group, with the undisturbed lines first, if they were run."""
     members = select(rows, group=group)
-    names = list(COLUMNS)
-    if not any(row["recovery.recovered"] is not None for row in members):
-        names.remove("recover")
-    lines: list[list[object]] = []
-    for motion in MOTIONS:
-        shown = select(members, motion=motion)
-        base = select(rows, group="none", motion=motion) if group != "none" else []
-        for strength in dict.fromkeys(row["strength"] for row in [*base, *shown]):
-            of = base if strength == "-" and base else shown
-            cells: list[object] = [motion, "none" if strength == "-" else strength]
-            for method in METHODS:
-                seeds = select(of, strength=strength, method=method)
-                cells += [COLUMNS[name](seeds) if seeds else "-" for name in names]
-            lines.append(cells)
-    header = ["motion", "strength", *(f"{m} {name}" for m in METHODS for name in names)]
-    return markdown(header, lines)
-
-
-def _median(rows: Sequence[Row], name: str, form: str) -> str:
-    known = [row[name] for row in rows if row[name] is not None]
-    return form.format(np.median(known)) if known else "-"
-
-
-def _longest(rows: Sequence[Row]) -> str:
-    known = [row["recovery.longest_wrong"] for row in rows]
-    known = [value for value in known if value is not None]
-    return f"{np.median(known):g} ({max(known)})" if known else "-"
-
-
-def _recover(rows: Sequence[Row]) -> str:
-    ended = [row for row in rows if row["recovery.recovered"] is not None]
-    if not ended:
-        return "-"
-    frames = [row["recovery.after_outage"] for row in ended]
-    never = sum(value is None for value in frames)
-    median = float(np.median([math.inf if value is None else value for value in frames]))
-    text = "endless" if math.isinf(median) or math.isnan(median) else f"{median:g}"
-    return f"{text} ({never})" if never else text
+    base = [{**row, "strength": "none"} for row in rows if row["group"] == "none"]
+    lines = [
+        row for motion in MOTIONS
+        for row in select([*(base if group != "none" else []), *members], motion=motion)
+    ]  # fmt: skip
+    text = SummaryTable(lines, ("motion", "strength", "method"), more=MORE)
+    return text.split("\n\n")[0]

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 from mffdrake.experiment.paper.oscillation import FitOscillation
 from mffdrake.experiment.paper.paper_numbers import (
+    CELLS,
     PAPER,
     InvarianceRatio,
-    Quartiles,
     ReachesPaper,
     Verdict,
 )
-from mffdrake.experiment.paper.report_figures import AXIS_LABELS, ShownWindow
-from mffdrake.experiment.paper.reproduction import FindEntry, Reproduction
+from mffdrake.experiment.paper.report.figures import AXIS_LABELS, ShownWindow
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS
-from mffdrake.experiment.runs.study import Study
-from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER
+from mffdrake.experiment.paper.study import FindGroup, QuartilesOf, Reproduction, Study
+from mffdrake.experiment.runs.table import SHOWN, Group, Markdown, Quartiles
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Column
+from mffdrake.experiment.simulation.style import METHOD_NAMES
 
 __all__ = [
     "INVARIANCE_LIMIT",
@@ -32,7 +32,6 @@ __all__ = [
 INVARIANCE_LIMIT = 1.15
 """The error is called invariant when it grows by no more than this from slow to fast."""
 
-_METHODS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
 _SLOW, _FAST = PAPER_OMEGAS[0], PAPER_OMEGAS[-1]
 
 
@@ -50,14 +49,7 @@ def _WithQuartiles(cell: str, quartiles: Quartiles | None) -> str:
     return median if quartiles.count == 1 else f"{median} ({low} - {high})"
 
 
-def _Table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def PaperTable(
-    summary: Sequence[dict[str, Any]], study: str, window: str, *, verdicts: bool = True
-) -> str:
+def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: bool = True) -> str:
     """The paper's Fig. 8 with our numbers.
 
     Args:
@@ -78,22 +70,21 @@ def PaperTable(
     for omega in PAPER_OMEGAS:
         header += [f"{omega:g} rad/s", "paper", *(["verdict"] if verdicts else [])]
     rows = []
-    for method, name in _METHODS.items():
+    for method, name in METHOD_NAMES.items():
         for cell, label in AXIS_LABELS.items():
             row = [name, label]
             for omega in PAPER_OMEGAS:
-                entry = FindEntry(summary, study, method, omega)
-                ours = entry[window][cell] if entry else None
+                ours = QuartilesOf(FindGroup(summary, study, method, omega), cell, window)
                 paper = PAPER[method, omega][cell]
                 shown = _Form(cell, paper) if cell in ("position_mm", "rotation_deg") else paper
                 row += [_WithQuartiles(cell, ours), str(shown)]
                 if verdicts:
                     row.append(Verdict(cell, ours.median if ours else None, paper))
             rows.append(row)
-    return _Table(header, rows)
+    return Markdown(header, rows)
 
 
-def StudyTable(summary: Sequence[dict[str, Any]], study: Study) -> str:
+def StudyTable(summary: Sequence[Group], study: Study) -> str:
     """One line for each of a study's variants.
 
     Args:
@@ -101,25 +92,37 @@ def StudyTable(summary: Sequence[dict[str, Any]], study: Study) -> str:
         study: The study.
 
     Returns:
-        The table: mean fitness, position and rotation error, number of seeds, and why there are
-        no numbers where there are none.
+        The table: mean fitness, position and rotation error with quartiles, the other figures that
+        every table shows, number of seeds, and why there are no numbers where there are none.
     """
     window = ShownWindow(summary)
+    groups = [group for group in summary if group.labels["study"] == study.name]
     cells = ("mean_fitness", "position_mm", "rotation_deg")
-    header = ["variant", *(AXIS_LABELS[cell] for cell in cells), "seeds", "remark"]
+    more = [
+        column for column in SHOWN
+        if column.name.removeprefix("rms.") not in cells
+        and any(group.Value(column, window == "settled") is not None for group in groups)
+    ]  # fmt: skip
+    titles = (column.title for column in more)
+    header = ["variant", *(AXIS_LABELS[cell] for cell in cells), *titles, "seeds", "remark"]
     rows = [
         [
-            entry["label"],
-            *(_WithQuartiles(cell, entry[window][cell]) for cell in cells),
-            str(entry["done"]),
-            html.escape(entry["error"] or "", quote=False).replace("|", "\\|"),
+            group.labels["label"],
+            *(_WithQuartiles(cell, QuartilesOf(group, cell, window)) for cell in cells),
+            *(_Shown(column, group, window) for column in more),
+            str(len(group.done)),
+            html.escape(group.error or "", quote=False).replace("|", "\\|"),
         ]
-        for entry in summary
-        if entry["study"] == study.name
+        for group in groups
     ]
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
-    return _Table(header, rows)
+    return Markdown(header, rows)
+
+
+def _Shown(column: Column, group: Group, window: str) -> str:
+    value = group.Value(column, window == "settled")
+    return "-" if value is None else format(value, column.form)
 
 
 def OscillationTable(reproduction: Reproduction) -> str:
@@ -153,22 +156,22 @@ def OscillationTable(reproduction: Reproduction) -> str:
                 f"{fit.explained:.2f}",
             ]
         )  # fmt: skip
-    return _Table(header, rows)
+    return Markdown(header, rows)
 
 
 def _Ratio(
-    summary: Sequence[dict[str, Any]], study: str, method: str, window: str
+    summary: Sequence[Group], study: str, method: str, window: str
 ) -> tuple[float | None, float | None, float | None]:
     """Position error at the lowest and at the highest speed [mm], and how they compare."""
     errors = []
     for omega in (_SLOW, _FAST):
-        entry = FindEntry(summary, study, method, omega)
-        quartiles = entry[window]["position_mm"] if entry else None
+        group = FindGroup(summary, study, method, omega)
+        quartiles = QuartilesOf(group, "position_mm", window)
         errors.append(quartiles.median if quartiles else None)
     return (*errors, InvarianceRatio(*errors))  # type: ignore[return-value]
 
 
-def InvarianceTable(summary: Sequence[dict[str, Any]]) -> str:
+def InvarianceTable(summary: Sequence[Group]) -> str:
     """How the position error grows with the hand's speed, ours and the paper's.
 
     Args:
@@ -184,26 +187,27 @@ def InvarianceTable(summary: Sequence[dict[str, Any]]) -> str:
         ("near", "start near the target"),
         ("refined", "refined"),
     ):
-        for method, name in _METHODS.items():
+        for method, name in METHOD_NAMES.items():
             slow, fast, ratio = _Ratio(summary, study, method, window)
             rows.append([f"{name}, {start}", *(_Number(x) for x in (slow, fast, ratio))])
-    for method, name in _METHODS.items():
+    for method, name in METHOD_NAMES.items():
         slow, fast = (PAPER[method, omega]["position_mm"] for omega in (_SLOW, _FAST))
         values = (slow, fast, InvarianceRatio(slow, fast))
         rows.append([f"the paper's {name}, 0-40 s", *(_Number(x) for x in values)])
-    for entry in summary:
-        if entry["study"] == "fixed":
-            error = entry[window]["position_mm"]
-            rows.append([entry["label"], _Number(error.median if error else None), "-", "-"])
+    for group in summary:
+        if group.labels["study"] == "fixed":
+            error = QuartilesOf(group, "position_mm", window)
+            label = group.labels["label"]
+            rows.append([label, _Number(error.median if error else None), "-", "-"])
     header = ["method", f"at {_SLOW:g} rad/s [mm]", f"at {_FAST:g} rad/s [mm]", "ratio"]
-    return _Table(header, rows)
+    return Markdown(header, rows)
 
 
 def _Number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
-def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
+def SummaryLines(summary: Sequence[Group]) -> Iterator[str]:
     """What agrees with the paper and what does not, from the numbers alone.
 
     Args:
@@ -214,45 +218,46 @@ def SummaryLines(summary: Sequence[dict[str, Any]]) -> Iterator[str]:
     """
     for study, start in (("near", "a start near the target"), ("random", "a random start")):
         cells = [
-            (omega, cell, entry)
+            (omega, cell, ours, QuartilesOf(group, cell, "settled"))
             for omega in PAPER_OMEGAS
-            if (entry := FindEntry(summary, study, "mff", omega)) and entry["done"]
-            for cell in list(AXIS_LABELS)[:7]
+            if (group := FindGroup(summary, study, "mff", omega))
+            for cell in CELLS
+            if (ours := QuartilesOf(group, cell, "all"))
         ]
         if not cells:
             continue
         misses = [
-            (omega, cell, entry) for omega, cell, entry in cells
-            if not ReachesPaper(cell, entry["all"][cell].median, PAPER["mff", omega][cell])
+            (omega, cell, settled) for omega, cell, ours, settled in cells
+            if not ReachesPaper(cell, ours.median, PAPER["mff", omega][cell])
         ]  # fmt: skip
         text = (
             f"With feedforward, from {start}, over all frames, {len(cells) - len(misses)} of "
             f"{len(cells)} medians are at least as good as the paper's."
         )
         late = [
-            (omega, cell, entry) for omega, cell, entry in misses
-            if not entry["settled"][cell] or not ReachesPaper(
-                cell, entry["settled"][cell].median, PAPER["mff", omega][cell])
+            (omega, cell) for omega, cell, settled in misses
+            if not settled or not ReachesPaper(cell, settled.median, PAPER["mff", omega][cell])
         ]  # fmt: skip
         if len(misses) > len(late):
             text += f" {len(misses) - len(late)} more are so without the first {SETTLED_AFTER:g} s:"
             text += " there the search at the start is the reason."
         if late:
             text += f" Not so in either window: {_Where(late)}."
-        fitness = [entry["all"]["mean_fitness"].median for _, cell, entry in cells
-                   if cell == "mean_fitness"]  # fmt: skip
+        fitness = [ours.median for _, cell, ours, _ in cells if cell == "mean_fitness"]
         text += f" Its mean fitness is {_List(fitness, '.3f')}: " + (
             "at least 0.98 throughout." if min(fitness) >= 0.98 else "below 0.98 somewhere."
         )
         yield text
     parts = []
     for method, name in (("ga", "without"), ("mff", "with")):
-        entries = [FindEntry(summary, "plain", method, omega) for omega in PAPER_OMEGAS]
-        ours = [entry["all"]["position_mm"].median for entry in entries if entry and entry["done"]]
-        if len(ours) == len(PAPER_OMEGAS):
+        groups = [FindGroup(summary, "plain", method, omega) for omega in PAPER_OMEGAS]
+        errors = [QuartilesOf(group, "position_mm", "all") for group in groups]
+        medians = [one.median for one in errors if one]
+        if len(medians) == len(PAPER_OMEGAS):
             paper = [PAPER[method, omega]["position_mm"] for omega in PAPER_OMEGAS]
             parts.append(
-                f"{_List(ours, '.1f')} mm {name} feedforward (the paper: {_List(paper, '.1f')} mm)"
+                f"{_List(medians, '.1f')} mm {name} feedforward "
+                f"(the paper: {_List(paper, '.1f')} mm)"
             )
     if parts:
         yield (
@@ -275,10 +280,10 @@ def _List(values: Sequence[float], form: str) -> str:
     return ", ".join(format(value, form) for value in values)
 
 
-def _Where(cells: Sequence[tuple[float, str, Any]]) -> str:
+def _Where(cells: Sequence[tuple[float, str]]) -> str:
     """Figures and the speeds at which they are meant."""
     speeds: dict[str, list[str]] = {}
-    for omega, cell, _ in cells:
+    for omega, cell in cells:
         speeds.setdefault(AXIS_LABELS[cell].split(" [")[0], []).append(f"{omega:g}")
     parts = [f"{name} at {', '.join(omegas)}" for name, omegas in speeds.items()]
     return f"{'; '.join(parts)} rad/s"

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mffdrake.experiment.paper.paper_numbers import CELLS, PAPER
-from mffdrake.experiment.paper.reproduction import FindEntry
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS
+from mffdrake.experiment.paper.study import FindGroup, QuartilesOf
+from mffdrake.experiment.runs.table import Group, IsSettled
+from mffdrake.experiment.simulation.style import METHOD_COLORS, METHOD_NAMES, NewFigure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,16 +24,14 @@ AXIS_LABELS = {
 }  # fmt: skip
 """How people call the figures of `Summarize`."""
 
-_COLORS = {"ga": "tab:orange", "mff": "tab:blue"}
 _CURVE_COLORS = {
-    "GA": "tab:orange", "MFF": "tab:blue", "MFF, velocity mode": "tab:cyan",
+    "GA": METHOD_COLORS["ga"], "MFF": METHOD_COLORS["mff"], "MFF, velocity mode": "tab:cyan",
     "plain GA": "tab:brown", "MFF + plain GA": "tab:purple",
 }  # fmt: skip
-_METHODS = {"ga": "1-step GA", "mff": "MFF + 1-step GA"}
 _DODGE = 0.13  # Between the points of one speed, whose distance is 1.
 
 
-def ShownWindow(summary: Sequence[dict[str, Any]]) -> str:
+def ShownWindow(summary: Sequence[Group]) -> str:
     """Which frames to show where the search at the start is not the question.
 
     Args:
@@ -44,10 +44,10 @@ def ShownWindow(summary: Sequence[dict[str, Any]]) -> str:
         >>> ShownWindow([])
         'all'
     """
-    return "settled" if any(entry["settled"]["position_mm"] for entry in summary) else "all"
+    return "settled" if IsSettled(row for group in summary for row in group.rows) else "all"
 
 
-def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
+def PlotTable(summary: Sequence[Group]) -> Figure:
     """The numbers of the paper's Fig. 8 beside ours: medians with quartiles, over all frames.
 
     Args:
@@ -56,32 +56,31 @@ def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
     Returns:
         The figure: a panel for the fitness and one for each error, with a logarithmic axis.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
-    axes = figure.subplots(2, 4)
+    figure, axes = NewFigure(2, 4, (13.0, 6.4))
     series = [
         (method, source) for method in ("ga", "mff") for source in ("paper", "near", "random")
     ]
     for axis, cell in zip(axes.flat, (*CELLS, "position_mm"), strict=True):
         for k, (method, source) in enumerate(series):
             shift = _DODGE * (k - 0.5 * (len(series) - 1))
-            label = f"{_METHODS[method]}, {_SOURCES[source]}"
+            label = f"{METHOD_NAMES[method]}, {_SOURCES[source]}"
             if source == "paper":
                 at = [n + shift for n in range(len(PAPER_OMEGAS))]
                 values = [PAPER[method, omega][cell] for omega in PAPER_OMEGAS]
                 axis.plot(
-                    at, values, "D", color=_COLORS[method], fillstyle="none", markersize=6,
+                    at, values, "D", color=METHOD_COLORS[method], fillstyle="none", markersize=6,
                     label=label,
                 )  # fmt: skip
                 continue
             points = [
-                (n + shift, entry["all"][cell])
+                (n + shift, ours)
                 for n, omega in enumerate(PAPER_OMEGAS)
-                if (entry := FindEntry(summary, source, method, omega)) and entry["all"][cell]
+                if (ours := QuartilesOf(FindGroup(summary, source, method, omega), cell, "all"))
             ]
             form, alpha = ("o", 1.0) if source == "near" else ("^", 0.5)
-            _ErrorBars(axis, points, color=_COLORS[method], label=label, fmt=form, alpha=alpha)
+            _ErrorBars(
+                axis, points, color=METHOD_COLORS[method], label=label, fmt=form, alpha=alpha
+            )
         axis.set_title(AXIS_LABELS[cell], fontsize=10)
         axis.set_xticks(range(len(PAPER_OMEGAS)), [f"{omega:g}" for omega in PAPER_OMEGAS])
         axis.set_xlim(-0.5, len(PAPER_OMEGAS) - 0.5)
@@ -92,7 +91,7 @@ def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
         axis.set_xlabel("omega [rad/s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
-    order = [f"{name}, {source}" for source in _SOURCES.values() for name in _METHODS.values()]
+    order = [f"{name}, {source}" for source in _SOURCES.values() for name in METHOD_NAMES.values()]
     figure.legend(
         [named[label] for label in order], order, loc="outside lower center", ncols=3, fontsize=9
     )
@@ -105,7 +104,7 @@ def PlotTable(summary: Sequence[dict[str, Any]]) -> Figure:
 _SOURCES = {"paper": "the paper", "near": "start near the target", "random": "random start"}
 
 
-def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
+def PlotStudies(summary: Sequence[Group]) -> Figure:
     """What the position error depends on, a panel for each question.
 
     Args:
@@ -114,11 +113,8 @@ def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
     Returns:
         The figure: medians with quartiles on a logarithmic axis, the fixed camera's as a line.
     """
-    from matplotlib.figure import Figure
-
     window = ShownWindow(summary)
-    figure = Figure(figsize=(13.0, 7.2), layout="constrained")
-    axes = figure.subplots(2, 3)
+    figure, axes = NewFigure(2, 3, (13.0, 7.2))
     panels: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Speed", "omega [rad/s]", (
             ("random", "ga", "GA"), ("faster", "ga", ""), ("random", "mff", "MFF"),
@@ -133,12 +129,11 @@ def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
         ("Generations", "generations a frame", (
             ("generations", "ga", "GA"), ("generations", "mff", "MFF"))),
     )  # fmt: skip
-    fixed = FindEntry(summary, "fixed", "fixed", 0.0)
+    fixed = QuartilesOf(FindGroup(summary, "fixed", "fixed", 0.0), "position_mm", window)
     for axis, (title, label, curves) in zip(axes.flat, panels, strict=True):
         _PlotCurves(axis, summary, window, curves)
-        if fixed and fixed[window]["position_mm"]:
-            limit = fixed[window]["position_mm"].median
-            axis.axhline(limit, color="0.5", ls="--", lw=1, label="fixed camera")
+        if fixed:
+            axis.axhline(fixed.median, color="0.5", ls="--", lw=1, label="fixed camera")
         axis.set_title(title, fontsize=10)
         axis.set_xlabel(label)
         _MakeLogarithmic(axis)
@@ -156,7 +151,7 @@ def PlotStudies(summary: Sequence[dict[str, Any]]) -> Figure:
 
 def _PlotCurves(
     axis: Axes,
-    summary: Sequence[dict[str, Any]],
+    summary: Sequence[Group],
     window: str,
     curves: Sequence[tuple[str, str, str]],
 ) -> None:
@@ -166,9 +161,10 @@ def _PlotCurves(
     for study, curve, label in curves:
         name = label or name
         joined.setdefault(name, []).extend(
-            (entry["value"], entry[window]["position_mm"])
-            for entry in summary
-            if (entry["study"], entry["curve"]) == (study, curve) and entry[window]["position_mm"]
+            (group.labels["value"], ours)
+            for group in summary
+            if (group.labels["study"], group.labels["curve"]) == (study, curve)
+            and (ours := QuartilesOf(group, "position_mm", window))
         )
     for label, points in joined.items():
         if points:

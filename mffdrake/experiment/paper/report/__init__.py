@@ -1,0 +1,1 @@
+"""What came out? The report: its text, its tables, its pictures."""
