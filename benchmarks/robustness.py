@@ -66,7 +66,9 @@ def run(options: argparse.Namespace) -> list[dict[str, Any]]:
     store = RunStore(MakeOutputFolder(options.out) / STORE_NAME)
     with RunBar(runs) as on_run:
         place = LocalProcesses(options.workers)
-        return [FlattenRow(one.Row()) for one in RunPlan(runs, store, executor=place, on_run=on_run)]
+        return [
+            FlattenRow(one.Row()) for one in RunPlan(runs, store, executor=place, on_run=on_run)
+        ]
 
 
 def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:

@@ -22,9 +22,7 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    *(f"experiment/commands/{name}.py" for name in (
-        "colors_command", "commands", "main", "target_command", "reproduce_command",
-        "servo_command", "sweep_command", "track_command")),
+    *(f"experiment/commands/{name}.py" for name in ("main", "many", "run", "target", "track")),
     "systems/rendering/graphics_probe.py",
 }  # fmt: skip
 
@@ -126,7 +124,7 @@ def test_only_the_command_line_prints():
         and node.func.id == "print"
     }
     assert printing <= PRINTING
-    assert "experiment/commands/commands.py" in printing
+    assert "experiment/commands/main.py" in printing
 
 
 # Public names.

@@ -94,24 +94,30 @@ def step(runs: Sequence[Followed]) -> tuple[str, Pictures]:
         run.row["settled after [s]"] = float(outside[-1]) + FRAME - 1.0 if len(outside) else 0.0
         run.row["overshoot"] = max(0.0, beyond)
         curves.setdefault(run.labels["method"], (run.time - 1.0, 1e3 * run.distance))
-    return f"""## A step
+    return (
+        f"""## A step
 
 The target is 100 mm and 10 deg farther from one moment to the next. *Settled*: to 0.5 mm and 0.5 deg, for good.
 
 {table(runs, column("settled after [s]"), column("overshoot", ".1%"))}
 
-![The hand's error after a step](images/servo_step.png)""", {"servo_step": decay(curves, "time after the step [s]")}
+![The hand's error after a step](images/servo_step.png)""",
+        {"servo_step": decay(curves, "time after the step [s]")},
+    )
 
 
 def velocity(runs: Sequence[Followed]) -> tuple[str, Pictures]:
     """Constant velocity."""
     for run in runs:
         run.row["lag [mm]"] = run.rms_mm(5.0)
-    return f"""## Constant velocity
+    return (
+        f"""## Constant velocity
 
 The target goes at 50 mm/s. Without its velocity, the hand is late by v / gain, the ideal lag; with it, not at all.
 
-{table(runs, column("lag [mm]"))}""", {}
+{table(runs, column("lag [mm]"))}""",
+        {},
+    )
 
 
 def frequency(runs: Sequence[Followed]) -> tuple[str, Pictures]:
@@ -128,13 +134,16 @@ def frequency(runs: Sequence[Followed]) -> tuple[str, Pictures]:
         phase = float(np.degrees(np.angle(np.mean(found))))
         curves.setdefault(source, []).append((1.0 / period, float(np.mean(np.abs(found))), phase))
     more = (column("gain", ".3f"), column("phase [deg]", ".1f"), column("error [mm]"), FOLLOWS)
-    return f"""## Frequency response
+    return (
+        f"""## Frequency response
 
 The target swings by 50 mm; the gain and the phase are those of the hand's way against that which it should go.
 
 {table(runs, *more)}
 
-![Bode plot of the hand against the target](images/servo_bode.png)""", {"servo_bode": bode(curves)}
+![Bode plot of the hand against the target](images/servo_bode.png)""",
+        {"servo_bode": bode(curves)},
+    )
 
 
 def response(run: Followed, period: float) -> complex:
@@ -153,11 +162,14 @@ def latency(runs: Sequence[Followed]) -> tuple[str, Pictures]:
     """Gain against latency."""
     for run in runs:
         run.row["error [mm]"], run.row["follows"] = run.rms_mm(4.0), run.follows(4.0)
-    return f"""## Latency
+    return (
+        f"""## Latency
 
 The images come late by so many frames of 33 ms, and the feedforward and the estimator know it or do not. The target swings by 150 mm in 5 s; with feedforward. The error is that of the hand after 4 s.
 
-{table(runs, column("error [mm]", ".1f"), FOLLOWS)}""", {}
+{table(runs, column("error [mm]", ".1f"), FOLLOWS)}""",
+        {},
+    )
 
 
 def soft(runs: Sequence[Followed]) -> tuple[str, Pictures]:
@@ -177,13 +189,16 @@ def soft(runs: Sequence[Followed]) -> tuple[str, Pictures]:
         found[key] = (np.nan, f"lost in {100 * lost:.0f} %") if lost else (error, told)
     picture = stability(found, METHODS, [str(d) for d in DAMPINGS], SOFT_GAINS)
     more = (column("error [mm]", ".1f"), column("lost", ".0%", is_mean=True), FOLLOWS)
-    return f"""## A soft arm
+    return (
+        f"""## A soft arm
 
 The paper's lightly damped arm, and joints with a natural frequency of 1 Hz, from hardly damped on, without the torques of the reference's accelerations, and poses as the 1-step GA leaves them, not refined; the target swings by 150 mm in 10 s. The error is that of the hand after 5 s; in the picture in parentheses where it is more than {1e3 * FAR:.0f} mm at times.
 
 {table(runs, *more)}
 
-![Where the loop is stable](images/servo_stability.png)""", {"servo_stability": picture}
+![Where the loop is stable](images/servo_stability.png)""",
+        {"servo_stability": picture},
+    )
 
 
 def trouble(runs: Sequence[Followed]) -> tuple[str, Pictures]:
@@ -198,13 +213,16 @@ def trouble(runs: Sequence[Followed]) -> tuple[str, Pictures]:
         if run.labels["method"] == "mff":
             curves.setdefault(run.labels["at 5 s"], (run.time - 5.0, 1e3 * run.distance))
     more = (column("within 2 s [mm]", ".1f"), column("2 s after [mm]"), FOLLOWS)
-    return f"""## Occlusion, stop and reversal
+    return (
+        f"""## Occlusion, stop and reversal
 
 The hand's greatest error within 2 s from when it happens, and 2 s after it.
 
 {table(runs, *more)}
 
-![The hand's error](images/servo_troubles.png)""", {"servo_troubles": decay(curves, "time after it happens [s]")}
+![The hand's error](images/servo_troubles.png)""",
+        {"servo_troubles": decay(curves, "time after it happens [s]")},
+    )
 
 
 PARTS: dict[str, Callable[[Sequence[Followed]], tuple[str, Pictures]]] = {

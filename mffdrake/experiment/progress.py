@@ -71,7 +71,7 @@ def RunBar(plan: Sequence[PlannedRun]) -> Iterator[Callable[[EndedRun], None]]:
         What to call for each that has ended.
 
     Example:
-        >>> from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
+        >>> from mffdrake.experiment.runs.store import Record
         >>> from mffdrake.experiment.scenario.scenario import Scenario
         >>> run = PlannedRun(scenario=Scenario())
         >>> with RunBar([run]) as on_run:

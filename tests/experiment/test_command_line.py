@@ -231,7 +231,9 @@ def test_compare_writes_what_is_promised(compare):
     names = set(files(cwd / "a" / "b"))
     records = {name for name in names if name.startswith("records/")}
     pictures = {name for name in names if name.endswith(".png")}
-    assert names == pictures | records | {"results.json", "results.csv", "scenario.yaml"}
+    assert names == pictures | records | {
+        "results.json", "results.csv", "runs.sqlite", "scenario.yaml",
+    }  # fmt: skip
     assert len(records) == len(read_json(cwd / "a" / "b" / "results.json")["runs"])
     assert len(pictures) >= 3
     assert all(is_picture(cwd / "a" / "b" / name) for name in pictures)
@@ -442,7 +444,9 @@ def test_ctrl_c_ends_a_comparison_and_its_processes_with_status_130_and_keeps_it
     assert "Traceback" not in shown
     assert "the same command goes on from there" in shown
     assert "interrupted" in shown.splitlines()[-1]
-    assert [Path(file).parent.name for file in files(tmp_path)] == ["records"]
+    left = [Path(file) for file in files(tmp_path)]
+    assert {path.parent.name for path in left} == {"records", "out"}
+    assert [path.name for path in left if path.parent.name == "out"] == ["runs.sqlite"]
 
 
 def test_an_interrupt_while_the_program_loads_needs_no_traceback(tmp_path):

@@ -95,7 +95,7 @@ def test_runs_share_nothing_with_the_mapping_that_they_were_made_of():
     data = {"grid": {"target.X_WM.translation": [[1.7, 0.0, 0.45]]}}
     grid = MakeGrid(data)
     data["grid"]["target.X_WM.translation"][0][0] = 9.0
-    assert grid.runs[0].values == {"target.X_WM.translation": [1.7, 0.0, 0.45]}
+    assert grid.runs[0].labels == {"target.X_WM.translation": [1.7, 0.0, 0.45]}
 
 
 def test_values_that_are_good_together_only_are_good(tmp_path):

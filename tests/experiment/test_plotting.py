@@ -171,8 +171,8 @@ def test_the_comparison_has_three_panels_over_the_speed(time, window):
 def test_figures_belong_to_no_window(tmp_path):
     """Nothing piles up in matplotlib's list of figures; pyplot is not even loaded."""
     code = (
-        "import sys; from mffdrake.experiment.simulation.plotting import _Figure, SaveFigure; "
-        f"SaveFigure(_Figure(1, 1, (2.0, 2.0))[0], {str(tmp_path / 'a.png')!r}); "
+        "import sys; from mffdrake.experiment.simulation.plotting import NewFigure, SaveFigure; "
+        f"SaveFigure(NewFigure(1, 1, (2.0, 2.0))[0], {str(tmp_path / 'a.png')!r}); "
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

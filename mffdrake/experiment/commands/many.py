@@ -126,7 +126,7 @@ def RunSweep(options: argparse.Namespace) -> int:
     rows = table.to_pylist()
     print(SummaryTable(rows, list(grid.values)))
     failures = [row for row in rows if row["status"] == "failed"]
-    status = _TellFailures(failures, len(rows), [*grid.values, "seed"])
+    status = _TellFailures(failures, len(rows), [*grid.values, "seed"], f"results.{options.format}")
     print(f"\nResults: {folder}/results.{options.format}")
     return status
 
@@ -177,7 +177,9 @@ def RunReproduce(options: argparse.Namespace) -> int:
     report = WriteReport(reproduction, folder)
     for line in SummaryLines(Summarize(reproduction.rows)):
         print(line)
-    status = _TellFailures(reproduction.Failures(), len(plan), ["study", "label", "seed"])
+    status = _TellFailures(
+        reproduction.Failures(), len(plan), ["study", "label", "seed"], "runs.csv"
+    )
     print(f"\nReport: {report}, and in one file: {report.with_suffix('.html')}")
     return status
 
@@ -210,12 +212,14 @@ def _Quieten(options: argparse.Namespace) -> None:
         logging.getLogger("mffdrake").setLevel(logging.ERROR)
 
 
-def _TellFailures(failures: Sequence[dict[str, Any]], count: int, labels: Sequence[str]) -> int:
+def _TellFailures(
+    failures: Sequence[dict[str, Any]], count: int, labels: Sequence[str], file: str
+) -> int:
     """Says which runs failed and why; returns the exit status."""
     if failures:
         print(f"\n{len(failures)} of {count} runs failed; the same command tries again:")
     for row in failures[:_SHOWN_FAILURES]:
         print(f"- {', '.join(f'{key} {row[key]}' for key in labels)}: {row['error']}")
     if len(failures) > _SHOWN_FAILURES:
-        print("- ... (all in the table of runs)")
+        print(f"- ... (all in {file})")
     return 1 if failures else 0

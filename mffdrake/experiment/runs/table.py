@@ -174,7 +174,7 @@ def SummaryTable(
     rows: Sequence[dict[str, Any]],
     by: Sequence[str],
     *,
-    more: Sequence[str] = (),
+    more: Sequence[str | Column] = (),
     headings: dict[str, str] | None = None,
 ) -> str:
     """One line for each group of seeds, as Markdown.
@@ -182,7 +182,7 @@ def SummaryTable(
     Args:
         rows: Rows of `EndedRun.Row` or `Evaluate`.
         by: What groups them, see `GroupRows`.
-        more: Names of columns beside `SHOWN`.
+        more: Names of `COLUMNS`, or columns of one's own, beside `SHOWN`.
         headings: Those of the columns ``by``, where they are not their names.
 
     Returns:
@@ -191,7 +191,8 @@ def SummaryTable(
         are done and, if any did, of those that failed.
     """
     groups, settled = GroupRows(rows, by), IsSettled(rows)
-    columns = [c for c in COLUMNS if c.shown or c.name in more]
+    columns = [column for column in COLUMNS if column.shown or column.name in more]
+    columns += [column for column in more if isinstance(column, Column)]
     columns = [c for c in columns if any(g.Value(c, settled) is not None for g in groups)]
     failed = any(group.error for group in groups)
     body = []
@@ -201,10 +202,10 @@ def SummaryTable(
             "-" if value is None else format(value, column.form)
             for column, value in zip(columns, values, strict=True)
         ]
-        counts = [len(group.done), len(group.rows) - len(group.done)]
-        body.append([*map(_Cell, group.labels.values()), *cells, *counts[: 1 + failed]])
+        missing = [len(group.rows) - len(group.done)] * failed
+        body.append([*map(_Cell, group.labels.values()), len(group.done), *cells, *missing])
     names = [(headings or {}).get(name, name) for name in by]
-    header = [*names, *(column.title for column in columns), *["seeds", "failed"][: 1 + failed]]
+    header = [*names, "seeds", *(column.title for column in columns), *["failed"] * failed]
     frames = (
         f"the frames after the first {SETTLED_AFTER:g} s" if settled
         else f"all frames with the search at the start, for want of {SETTLED_AFTER:g} s"

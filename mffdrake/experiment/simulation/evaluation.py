@@ -141,13 +141,18 @@ def _MeanFitness(run: Evidence, chosen: Mask) -> float | None:
 
 
 def _Errors(
-    section: str, chosen: Callable[[Evidence], Mask], *, settled: str = "", shown: bool = False
+    section: str,
+    chosen: Callable[[Evidence], Mask],
+    *,
+    prefix: str = "",
+    settled: str = "",
+    shown: bool = False,
 ) -> Iterator[Column]:
     """A column for each of `RMS_ERRORS`, of the chosen frames."""
     for error in RMS_ERRORS:
         yield Column(
             f"{section}.{error}", float, partial(_RmsError, error=error, chosen=chosen),
-            title=error.replace("_", " [") + "]" if "_" in error else error,
+            title=prefix + (error.replace("_", " [") + "]" if "_" in error else error),
             form=".4f" if error.startswith("eps") else ".2f",
             shown=shown and error in ("position_mm", "rotation_deg"),
             settled=settled and f"{settled}.{error}",
@@ -211,9 +216,9 @@ COLUMNS: tuple[Column, ...] = (
            ".2%", shown=True, is_mean=True),
     Column("tracking.missed", float, lambda run: float(np.mean(run.right & ~run.says_so)), "missed",
            ".2%", shown=True, is_mean=True),
-    *_Errors("rms_tracked", lambda run: run.says_so),
-    *(Column(f"recovery.{name}", kind, partial(_Recovery, name=name))
-      for name, kind in RECOVERY.items()),
+    *_Errors("rms_tracked", lambda run: run.says_so, prefix="tracked "),
+    *(Column(f"recovery.{name}", kind, partial(_Recovery, name=name), title, ".3g")
+      for name, (kind, title) in RECOVERY.items()),
     *_HandErrors("hand_rms", 0.0, shown=True, settled="hand_rms_settled"),
     *_HandErrors("hand_rms_settled", _HAND_SETTLED_AFTER),
     Column("lost_s", float, lambda run: FindLoss(run.result), needs_servo=True),

@@ -21,10 +21,11 @@ Array = NDArray[np.float64]
 _LOST = (0.05, np.radians(15.0))  # A recognized pose farther off than that [m], [rad] ...
 _LOST_FOR = 1.0  # ... for so long [s] is lost.
 
-RECOVERY: dict[str, type] = {
-    "first_right": int, "longest_wrong": int, "after_outage": int, "recovered": bool,
+RECOVERY: dict[str, tuple[type, str]] = {
+    "first_right": (int, "frames to find"), "longest_wrong": (int, "longest"),
+    "after_outage": (int, "recover"), "recovered": (bool, "recovered"),
 }  # fmt: skip
-"""Names and types of the figures of `CalcRecovery`."""
+"""Names of the figures of `CalcRecovery`, their types and headings."""
 
 
 def OutageEnd(scenario: Scenario) -> float | None:

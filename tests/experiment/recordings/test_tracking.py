@@ -210,8 +210,8 @@ def test_a_row_has_the_promised_columns():
     row = frame_of().Row()
     expected = {
         "frame": 0, "time": 0.0, "x": 0.1, "y": -0.2, "z": 0.3, "qx": 0.6, "qy": 0.0, "qz": 0.0,
-        "qw": 0.8, "fitness": 0.75, "refined": 0, "std_position_mm": "", "std_rotation_deg": "",
-        "ms": 12.5, "state": "searching", "is_tracking": 0, "confidence": "",
+        "qw": 0.8, "fitness": 0.75, "refined": 0, "std_position_mm": None, "std_rotation_deg": None,
+        "ms": 12.5, "state": "searching", "is_tracking": 0, "confidence": None,
     }  # fmt: skip
     assert list(row) == list(expected)
     assert row == expected
