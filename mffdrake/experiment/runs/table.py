@@ -114,11 +114,11 @@ class Group:
 
     def Value(self, column: Column, settled: bool) -> float | None:
         """A column's median over the seeds, or mean; None where there is no number."""
-        name = column.settled if settled and column.settled else column.name
-        known = [row[name] for row in self.done if row.get(name) is not None]
-        if not known:
-            return None
-        return float(np.mean(known) if column.is_mean else np.median(known))
+        for name in (column.settled, column.name) if settled else (column.name,):
+            known = [row[name] for row in self.done if row.get(name) is not None]
+            if known:  # A hand that follows may not have settled yet.
+                return float(np.mean(known) if column.is_mean else np.median(known))
+        return None
 
 
 def GroupRows(rows: Iterable[dict[str, Any]], by: Sequence[str]) -> list[Group]:
