@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (text)
-"""Studies of the closed loop: writes docs/servoing.md and its pictures.
+"""Studies of the closed loop: writes docs/studies/servoing.md and its pictures.
 
     python benchmarks/servoing.py [--seeds 3] [--only NAME ...]
 
@@ -383,7 +383,7 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=3, help="runs of each setting")
     parser.add_argument("--only", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="NAME")
-    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
+    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs" / "studies")
     options = parser.parse_args()
     parts = [STUDIES[name](options) for name in options.only]
     page = f"""# Servoing

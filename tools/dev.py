@@ -24,7 +24,7 @@ import sys
 DIAGRAM = ["--workers", "2", "--graphviz", "out/diagram.svg"]
 DEMO = [["-m", "mffdrake", "reproduce", "--short", *DIAGRAM]]
 QUICK_DEMO = [["-m", "mffdrake", "compare", "--renderer", "flat", *DIAGRAM]]
-BENCH = [["benchmarks/report.py"]]
+BENCH = [["benchmarks", "performance"]]
 TEST = [["-m", "pytest", "-n", "logical", "--dist", "worksteal"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]
@@ -35,7 +35,7 @@ TARGETS = {
     "quick-demo": ("one run with motion feedforward and one without", QUICK_DEMO, {"dev"}, True),
     "test": ("all tests; ARGS='-k tracker' for some", TEST, {"dev"}, True),
     "lint": ("style, format and types", LINT, {"dev"}, False),
-    "bench": ("times everything: docs/performance.md (ten minutes)", BENCH, {"dev"}, True),
+    "bench": ("times everything: docs/studies/performance.md (ten minutes)", BENCH, {"dev"}, True),
     "lab": ("the notebooks, in JupyterLab", LAB, {"dev", "notebooks"}, True),
 }
 

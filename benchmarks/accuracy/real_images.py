@@ -1,14 +1,14 @@
 """How often a pose is found in the real images of a cube, and how accurately.
 
-    python benchmarks/real_images.py [FOLDER]
+    python benchmarks real_images [FOLDER]
 
 FOLDER holds cube_v1 as ../shared/real does; see its README. Colors are learned from its masks; then
 random starts over the whole arena, 20 seeds for each variant.
 """
 
+import argparse
 import dataclasses as dc
 import math
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -134,9 +134,12 @@ def table(folder: Path) -> str:
     return markdown(header, rows)
 
 
-if __name__ == "__main__":
-    default = Path(__file__).parents[2] / "shared" / "real"
-    place = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    if not (place / "cube_v1").is_dir():
-        sys.exit(f"{place}/cube_v1 is not there: name the folder that holds cube_v1")
-    print(table(place / "cube_v1"))
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    default = Path(__file__).parents[3] / "shared" / "real"
+    parser.add_argument("folder", nargs="?", type=Path, default=default, help="holds cube_v1")
+    place = parser.parse_args().folder / "cube_v1"
+    if not place.is_dir():
+        parser.error(f"{place} is not there: name the folder that holds cube_v1")
+    print(table(place))

@@ -1,7 +1,5 @@
 """Times a pair of color images of the hand-eye scene, by VTK and by the flat renderer.
 
-    python benchmarks/renderers.py
-
 The arm moves between the pairs, so that each is drawn anew, and each number is the median of many.
 """
 
@@ -65,7 +63,3 @@ def table() -> str:
         vtk, flat = time_pair("vtk", width, height), time_pair("flat", width, height)
         rows.append([f"{width} x {height}", f"{vtk / flat:.0f}", f"{vtk:.1f}", f"{flat:.2f}"])
     return markdown(["images", "vtk / flat", "vtk [ms a pair]", "flat [ms a pair]"], rows)
-
-
-if __name__ == "__main__":
-    print(table())

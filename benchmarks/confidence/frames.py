@@ -7,8 +7,8 @@ from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from acquisition import errors, make_tracker, show
-from acquisition_images import SOLIDS, Case, Renderer, disturb
+from acquisition.cases import SOLIDS, Case, Renderer, disturb
+from acquisition.study import errors, make_tracker, show
 from numpy.typing import NDArray
 
 from mffdrake.experiment.scenario.scenario import Scenario

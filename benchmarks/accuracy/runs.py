@@ -1,7 +1,4 @@
-"""Accuracy of whole simulations, with and without refinement: path, shaking hand, random starts.
-
-python benchmarks/accuracy_runs.py
-"""
+"""Accuracy of whole simulations, with and without refinement: path, shaking hand, random starts."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +13,7 @@ from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition.poses.pose import rotation_angle
 
-SHAKING = Path(__file__).parents[1] / "scenarios" / "shaking_hand.yaml"
+SHAKING = Path(__file__).parents[2] / "scenarios" / "shaking_hand.yaml"
 SEEDS = {"flat": 20, "vtk": 5}
 FIRST_SEED = 500  # apart from those that the parameters were tuned on
 OMEGAS = (0.105, 0.157, 0.314, 1.256)
@@ -120,8 +117,3 @@ def lock_table(seeds: int = 60) -> str:
         share = np.mean([run["locked"] for run in results[k * seeds : (k + 1) * seeds]])
         rows.append([refinement, seeds, f"{100 * share:.0f} %"])
     return markdown(["refinement", "seeds", f"within 5 mm and 1 deg at frame {LOCK_FRAMES}"], rows)
-
-
-if __name__ == "__main__":
-    for table in (lock_table, shake_table, path_table):
-        print(table(), flush=True)

@@ -1,7 +1,5 @@
 """Times whole simulations: real-time factor and stages, by renderer and image size.
 
-    python benchmarks/simulation.py
-
 With motion feedforward, on one core. Every cell is the fastest of some runs, for other programs can
 only slow one down.
 """
@@ -49,7 +47,3 @@ def table() -> str:
                 + [f"{ms[stage]:.2f}" for stage in stages]
             )
     return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())

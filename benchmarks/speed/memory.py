@@ -1,7 +1,4 @@
-"""Memory of simulations: of one of 40 s, and of a hundred in one process, which must not grow.
-
-python benchmarks/memory.py
-"""
+"""Memory of simulations: of one of 40 s, and of a hundred in one process, which must not grow."""
 
 import multiprocessing
 import resource
@@ -53,7 +50,3 @@ def table() -> str:
     header = ["renderer", "after 100 runs / after 10", "growth [MB a run]", "after 10 runs [MB]"]
     header += ["after 100 runs [MB]", "peak of one 40 s run [MB]"]
     return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())

@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (text)
-"""Fits the confidence's weights, checks it on other runs, and writes docs/confidence.md.
+"""Fits the confidence's weights, checks it on other runs, and writes docs/studies/confidence.md.
 
-    python benchmarks/confidence.py [--seeds 2] [--duration 2] [--fit] [--only NAME]
+    python benchmarks confidence [--seeds 2] [--duration 2] [--fit] [--only NAME]
 
 With two seeds of 2 s it takes about a quarter of an hour on two cores, with --fit twice as long.
 """
@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from acquisition import CASES
-from confidence_frames import Judged, of_run, of_starts, of_wrong_optima
+from acquisition.study import CASES
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from processes import call_all
@@ -28,6 +27,7 @@ from robustness_conditions import MOTIONS, conditions, motion, texts
 from robustness_page import METHODS, percent
 from tables import markdown
 
+from confidence.frames import Judged, of_run, of_starts, of_wrong_optima
 from mffdrake.experiment.runs.fingerprint import CodeFingerprint
 from mffdrake.experiment.scenario.scenario import Change
 from mffdrake.experiment.simulation.plotting import SaveFigure
@@ -60,7 +60,7 @@ FEATURES = {
 
 PAGE = """# Confidence
 
-Written by `python benchmarks/confidence.py --seeds {seeds} --duration {duration:g}{more}`. Code: {code}.
+Written by `python benchmarks confidence --seeds {seeds} --duration {duration:g}{more}`. Code: {code}.
 
 With `recognizer: {{refinement: borders}}` the tracker tells of every pose that it sees how likely it is right, to 5 mm and 1 deg (`confidence`). From {believe:g} on it relies on the pose (`is_tracking`), until the confidence falls below {keep:g} (`AcquisitionParameters.believe` and `keep`).
 
@@ -239,7 +239,7 @@ def of_others(hidden: Frames, wrong: Frames, weights: Array) -> str:
     says = hidden.confidence(weights) >= least
     false, missed = np.mean(says & ~hidden.right), np.mean(~says & hidden.right)
     deceive = np.sum(wrong.confidence(weights) >= least)
-    return f"Of {len(says)} frames with targets of all shapes that are hidden by 40 % from the start (`benchmarks/acquisition.py`, {len(hidden.names)} cases, flat and VTK), {percent(float(false))} are false at the higher threshold and {percent(float(missed))} missed. Of {len(wrong.right)} wrong poses that explain their borders, to which steps lead from beside the true ones of all cases, {deceive} reach it."
+    return f"Of {len(says)} frames with targets of all shapes that are hidden by 40 % from the start (`benchmarks/acquisition/study.py`, {len(hidden.names)} cases, flat and VTK), {percent(float(false))} are false at the higher threshold and {percent(float(missed))} missed. Of {len(wrong.right)} wrong poses that explain their borders, to which steps lead from beside the true ones of all cases, {deceive} reach it."
 
 
 def worst(frames: Frames) -> str:
@@ -326,7 +326,7 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=2.0, help="of a run [s]")
     parser.add_argument("--fit", action="store_true", help="fit the weights on other seeds before")
     parser.add_argument("--only", action="append", default=[], choices=texts(), help="a group")
-    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
+    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[2] / "docs" / "studies")
     options = parser.parse_args()
     logging.getLogger("mffdrake").setLevel(logging.ERROR)  # Hundreds would warn of the same.
     fitted = None
@@ -355,7 +355,3 @@ def main() -> None:
             encoding="utf-8",
         )
     print(f"\nwritten: {options.docs / 'confidence.md'}, {picture}")
-
-
-if __name__ == "__main__":
-    main()

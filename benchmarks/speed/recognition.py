@@ -1,7 +1,5 @@
 """Times one generation of the recognizer, selection and crossover included, and a refinement.
 
-    python benchmarks/recognition.py
-
 On flat-colored images of the box, with the population where it is after 60 generations. The first
 columns are costs relative to the default's, in the same run.
 """
@@ -215,9 +213,3 @@ def table_of_rigs() -> str:
         rows.append([*ratios, count, lens, *(f"{ms:.2f}" for ms in measured)])
     header = ["generation / the pair's", "refinement / the pair's", "cameras", "distortion"]
     return markdown([*header, "generation [ms]", "refinement [ms]"], rows)
-
-
-if __name__ == "__main__":
-    print(table())
-    print()
-    print(table_of_rigs())

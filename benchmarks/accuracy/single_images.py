@@ -1,7 +1,5 @@
 """Accuracy of the refinement on single images: renderers, sizes, noise, half of the target hidden.
 
-    python benchmarks/accuracy_images.py
-
 Random poses around the paper's arc, each refined from a start 3 mm and 1 deg off. Beside it, the
 Cramer-Rao bound: what no unbiased estimator can go below that sees the same borders under the same
 noise, blended by area and with known colors. (Hard-edged images are limited by rounding instead.)
@@ -200,8 +198,3 @@ def axes_table(count: int = 100) -> str:
     header = ["turned by about [deg]", "noise [grey levels]", "refined", "x [mm]", "y [mm]"]
     header += ["z [mm]", "position [mm]", "rotation [deg]", "mean NEES (6 expected)"]
     return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())
-    print(axes_table())

@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (text)
-"""How well the solids in models/ are tracked, and found: writes docs/targets.md.
+"""How well the solids in models/ are tracked, and found: writes docs/studies/targets.md.
 
-    python benchmarks/any_solid.py [--seeds 20] [--poses 100] [--only NAME ...]
+    python benchmarks targets [--seeds 20] [--poses 100] [--only NAME ...]
 
 With 20 seeds and 100 poses it takes about half an hour on two cores.
 """
@@ -19,12 +19,12 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from acquisition import find
-from acquisition_images import MODELS, Case
 from numpy.typing import NDArray
 from processes import call_all
 from tables import markdown
 
+from acquisition.cases import MODELS, Case
+from acquisition.study import find
 from mffdrake.experiment.runs.fingerprint import CodeFingerprint
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
@@ -34,7 +34,7 @@ from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid import kept
 from mffdrake.recognition.solid.symmetry import find_symmetries
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NAMES = ("target_box", "wedge", "hexagonal_prism", "l_block", "notched_box", "hammer", "mug")
 FIRST_SEED = 8000  # apart from those that anything was tuned on
 SETTLED_AFTER = 1.0  # [s]
@@ -43,7 +43,7 @@ POSES = 400
 
 PAGE = """# Targets of all kinds
 
-Written by `python benchmarks/any_solid.py --seeds {seeds} --poses {poses}`. Code: {code}.
+Written by `python benchmarks targets --seeds {seeds} --poses {poses}`. Code: {code}.
 
 ## On the paper's path
 
@@ -202,7 +202,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20, help="runs of each target on the path")
     parser.add_argument("--poses", type=int, default=100, help="random poses of each target")
     parser.add_argument("--only", nargs="+", default=list(NAMES), choices=NAMES)
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs" / "studies")
     options = parser.parse_args()
     page = PAGE.format(
         seeds=options.seeds, poses=options.poses, code=CodeFingerprint(), settled=SETTLED_AFTER,
@@ -215,7 +215,3 @@ def main() -> None:
     with WholeFile(options.docs / "targets.md") as part:
         part.write_text(page, encoding="utf-8")
     print(f"written: {options.docs / 'targets.md'}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,5 @@
 """Times many runs on one and on two worker processes, with the flat renderer.
 
-    python benchmarks/sweeps.py
-
 The workers are started and have loaded everything before the clock starts.
 """
 
@@ -46,7 +44,3 @@ def table() -> str:
         [workers, f"{rate / rates[1]:.2f}", f"{60.0 * rate:.0f}"] for workers, rate in rates.items()
     ]
     return markdown(["workers", "throughput / one worker's", "simulated s a minute"], rows)
-
-
-if __name__ == "__main__":
-    print(table())
