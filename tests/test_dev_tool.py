@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 DEV = ROOT / "tools" / "dev.py"
@@ -93,6 +94,15 @@ def test_without_a_target_each_is_told_in_a_line(dev, command):
 def test_make_knows_the_targets_and_no_others(dev):
     (line,) = re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
     assert set(line.split()) == {"help", *dev.TARGETS}
+
+
+def test_a_commit_is_checked_as_lint_checks(dev):
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())
+    (local,) = config["repos"]
+    hooks = [hook["entry"].removesuffix(" --force-exclude") for hook in local["hooks"]]
+    # A commit's files are formatted, where lint only says which are not.
+    lint = [" ".join([".venv/bin/python", *command]) for command in dev.LINT]
+    assert hooks == [command.removesuffix(" --check") for command in lint]
 
 
 @pytest.mark.parametrize("arguments", [["tset"], ["lint", "--", "--fix"]])

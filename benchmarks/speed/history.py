@@ -1,8 +1,8 @@
 """What each release cost: a line a release, with times as multiples of a reference's.
 
 The reference is a computation of this file that never changes, compiled as the recognizer's own
-kernels are, and timed in turn with them: what a machine is slower by, or what else runs on it,
-bears on both. So lines from different machines compare, about as well as machines are alike.
+kernels are, and timed in turn with them, so that lines from different machines compare, as well as
+machines are alike. Of several rounds the fastest counts, for other programs can only slow one down.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import csv
 import datetime
 import math
 import platform
-import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
@@ -68,14 +67,12 @@ def reference() -> Callable[[], float]:
 def measure() -> dict[str, str]:
     """This version's line."""
     compute, calls = reference(), _calls()
-    references: list[float] = []
-    ratios: dict[str, list[float]] = {name: [] for name in (*CALLS, *DURATIONS)}
-    for _ in range(ROUNDS):
+    fastest = dict.fromkeys(("reference", *calls), math.inf)
+    for _ in range(ROUNDS):  # in turn, as what else runs on the machine comes and goes
         for name, cost in calls.items():
-            # Before and after, as what else runs on the machine comes and goes.
-            before, ms, after = median_ms(compute, 50), cost(), median_ms(compute, 50)
-            references += [before, after]
-            ratios[name].append(2.0 * ms / (before + after))
+            fastest["reference"] = min(fastest["reference"], median_ms(compute, 50))
+            fastest[name] = min(fastest[name], cost())
+    unit = fastest.pop("reference")
     facts = dict(fact.rsplit(" ", 1) for fact in CodeFingerprint().split(", "))
     return {
         "version": version("mffdrake"),
@@ -83,8 +80,8 @@ def measure() -> dict[str, str]:
         "python": platform.python_version(),
         "drake": facts["drake"],
         "files": facts["files"],
-        "reference_ms": f"{statistics.median(references):.3f}",
-        **{name: f"{statistics.median(of):.3g}" for name, of in ratios.items()},
+        "reference_ms": f"{unit:.3f}",
+        **{name: f"{ms / unit:.3g}" for name, ms in fastest.items()},
     }
 
 
