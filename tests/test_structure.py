@@ -5,6 +5,7 @@ import doctest
 import importlib
 import inspect
 import pkgutil
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -198,6 +199,57 @@ def test_every_module_says_what_it_is_for_and_lists_only_what_it_has(name):
     assert module.__doc__
     for public in getattr(module, "__all__", []):
         assert hasattr(module, public), public
+
+
+# Private names stay in the package: what tests and benchmarks need is public.
+
+USERS = [
+    source
+    for folder in ("tests", "benchmarks", "examples")
+    for source in sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
+]
+OTHERS = re.compile(r"_replace|_GetPacked\w+")  # named tuples', and Meshcat's for tests
+
+
+def is_private(name):
+    return any(re.match("_(?!_)", part) for part in name.split("."))
+
+
+def private_names(code):
+    """What code takes from elsewhere that begins with an underscore."""
+    names = set()
+    for node in ast.walk(code):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and re.match(r"mffdrake\.[\w.]+$", str(node.value)):
+            names.add(node.value)  # as pytest.importorskip and monkeypatch.setattr take it
+        elif isinstance(node, ast.Attribute) and not OTHERS.fullmatch(node.attr):
+            own = ast.unparse(node.value) in ("self", "cls")
+            names |= {ast.unparse(node)} if is_private(node.attr) and not own else set()
+    return {name for name in names if is_private(name)}
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("import mffdrake.systems._timing", "mffdrake.systems._timing"),
+        ("from mffdrake.systems._timing import Timing", "mffdrake.systems._timing.Timing"),
+        ("from mffdrake.systems.timing import _Ticks", "mffdrake.systems.timing._Ticks"),
+        ('pytest.importorskip("mffdrake.systems._timing")', "mffdrake.systems._timing"),
+        ("timing = mff.Timing()._ticks", "mff.Timing()._ticks"),
+        ("from __future__ import annotations; self._own = numbers._replace(x=1).__doc__", None),
+    ],
+)
+def test_private_names_are_found(code, found):
+    assert private_names(ast.parse(code)) == ({found} if found else set())
+
+
+def test_tests_benchmarks_and_examples_use_public_names_only():
+    used = {source: private_names(tree(source)) for source in USERS}
+    own = Path(__file__)  # Its examples above are meant.
+    assert {source: names for source, names in used.items() if names and source != own} == {}
 
 
 # Examples.

@@ -153,17 +153,17 @@ def cost_table(models: list[str]) -> str:
     matchers: dict[str, Matcher] = {}
     building: dict[str, list[float]] = {name: [] for name in solids}
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
-        kept._memory.cache_clear()
+        kept.disk_memory.cache_clear()
         for name in ("target_box", "mug"):  # After that all is compiled.
             Matcher(SearchModel(MODELS[f"models/{name}"]), rig).fitness(poses, images)
         shutil.rmtree(folder)
-        kept._memory.cache_clear()
+        kept.disk_memory.cache_clear()
         for name, solid in 2 * [*solids.items()]:
             start = time.perf_counter()
             matchers[name] = Matcher(SearchModel(solid), rig)
             matchers[name].fitness(poses, images)
             building[name].append(time.perf_counter() - start)
-    kept._memory.cache_clear()
+    kept.disk_memory.cache_clear()
     best = dict.fromkeys(matchers, math.inf)
     for _ in range(TRIES):
         for name, matcher in matchers.items():
