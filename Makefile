@@ -1,3 +1,3 @@
 PYTHON ?= python3
-.PHONY: demo quick-demo test lint lab bench
-demo quick-demo test lint lab bench: ; @$(PYTHON) tools/dev.py $@ -- $(ARGS)
+.PHONY: help demo quick-demo test lint bench lab
+help demo quick-demo test lint bench lab: ; @$(PYTHON) tools/dev.py $@ -- $(ARGS)

@@ -1,4 +1,4 @@
-"""Measures what disturbances do to the robust tracker, and writes docs/robustness.md.
+"""Measures what disturbances do to the robust tracker, and writes docs/studies/robustness.md.
 
     python benchmarks/robustness.py [--seeds 20] [--duration 4] [--workers 2] [--only NAME ...]
 
@@ -82,7 +82,7 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         help="disturbances or conditions; the page then has these alone",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "robustness", metavar="DIR")
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", metavar="DIR")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs" / "studies", metavar="DIR")
     return parser.parse_args(arguments)
 
 

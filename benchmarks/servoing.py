@@ -1,4 +1,4 @@
-"""Studies of the closed loop: writes docs/servoing.md and its pictures.
+"""Studies of the closed loop: writes docs/studies/servoing.md and its pictures.
 
     python benchmarks/servoing.py [--seeds 3] [--only NAME ...]
 
@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="runs of each setting")
     parser.add_argument("--only", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="NAME")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "servoing", metavar="DIR")
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", metavar="DIR")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs" / "studies", metavar="DIR")
     options = parser.parse_args()
     logging.getLogger("mffdrake").setLevel(logging.ERROR)
     store = RunStore(MakeOutputFolder(options.out) / STORE_NAME)

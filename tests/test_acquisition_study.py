@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
-from acquisition_images import SOLIDS, Case, Renderer, disturb  # noqa: E402
+from acquisition.cases import SOLIDS, Case, Renderer, disturb  # noqa: E402
 
 from mffdrake.recognition import Matcher, SearchModel  # noqa: E402
 
@@ -55,7 +55,7 @@ def test_blobs_lie_behind_the_solid_and_noise_is_that_of_its_frame():
 
 
 def test_its_table_has_a_row_a_case_and_finds_the_box(tmp_path):
-    program = [sys.executable, str(ROOT / "benchmarks" / "acquisition.py"), "--poses", "3"]
+    program = [sys.executable, str(ROOT / "benchmarks"), "acquisition", "--poses", "3"]
     few = ["--renderers", "flat", "--motions", "rest", "--only", "box", "box, 10 blobs"]
     finished = subprocess.run(
         [*program, *few, "--docs", str(tmp_path)], capture_output=True, text=True, check=False

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 DEV = ROOT / "tools" / "dev.py"
@@ -80,7 +82,30 @@ def _run(*arguments, python=sys.executable, script=DEV, **variables):
     )
 
 
-@pytest.mark.parametrize("arguments", [[], ["tset"], ["lint", "--", "--fix"]])
+@pytest.mark.parametrize("command", [["make"], ["make", "help"], [sys.executable, "tools/dev.py"]])
+def test_without_a_target_each_is_told_in_a_line(dev, command):
+    finished = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    told = {line.split()[1]: line.split()[2:] for line in finished.stdout.splitlines()}
+    assert set(told) == {"help", *dev.TARGETS}
+    assert all(told.values())
+    assert not finished.stderr
+
+
+def test_make_knows_the_targets_and_no_others(dev):
+    (line,) = re.findall(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    assert set(line.split()) == {"help", *dev.TARGETS}
+
+
+def test_a_commit_is_checked_as_lint_checks(dev):
+    config = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())
+    (local,) = config["repos"]
+    hooks = [hook["entry"].removesuffix(" --force-exclude") for hook in local["hooks"]]
+    # A commit's files are formatted, where lint only says which are not.
+    lint = [" ".join([".venv/bin/python", *command]) for command in dev.LINT]
+    assert hooks == [command.removesuffix(" --check") for command in lint]
+
+
+@pytest.mark.parametrize("arguments", [["tset"], ["lint", "--", "--fix"]])
 def test_wrong_usage_is_one_line_and_exit_status_2(arguments):
     finished = _run(*arguments)
     assert finished.returncode == 2

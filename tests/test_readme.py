@@ -24,9 +24,3 @@ def test_programs_run(k, tmp_path):
 
 def test_there_are_programs():
     assert len(PROGRAMS) == 5
-
-
-def test_links_lead_somewhere():
-    for link in re.findall(r"\]\(([^)]+)\)", README):
-        if not link.startswith("http"):
-            assert (ROOT / link).exists(), link

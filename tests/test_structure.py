@@ -5,6 +5,7 @@ import doctest
 import importlib
 import inspect
 import pkgutil
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import mffdrake
+import mffdrake.recognition
 
 PACKAGE = Path(mffdrake.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
@@ -102,15 +104,17 @@ def test_nothing_imports_all_of_drake():
 
 
 @pytest.mark.parametrize(
-    ("module", "absent"),
+    ("statement", "absent"),
     [
-        ("mffdrake", "pydrake numba matplotlib cv2 trimesh"),
-        ("mffdrake.recognition", "pydrake numba matplotlib trimesh"),
+        ("import mffdrake", "numpy pydrake numba matplotlib cv2 trimesh"),
+        ("import mffdrake.recognition", "numpy pydrake numba matplotlib cv2 trimesh"),
+        # All of its public names, too: what compiles loads where it is first called.
+        ("from mffdrake.recognition import *", "pydrake numba matplotlib trimesh"),
     ],
 )
-def test_importing_loads_no_slow_library(module, absent):
-    loaded = run_python(f"import sys, {module}; print(*sys.modules)")
-    assert module in loaded
+def test_importing_loads_no_slow_library(statement, absent):
+    loaded = run_python(f"import sys\n{statement}\nprint(*sys.modules)")
+    assert "mffdrake" in loaded
     assert set(absent.split()) & set(loaded) == set()
 
 
@@ -130,15 +134,15 @@ def test_only_the_command_line_prints():
 # Public names.
 
 
-def stub_names():
-    """What `__init__.pyi` says: public name -> the module it comes from."""
+def stub_names(package):
+    """What a package's `__init__.pyi` says: public name -> the module it comes from."""
     names = {}
-    for node in ast.parse((PACKAGE / "__init__.pyi").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                assert alias.asname == alias.name, f"{alias.name} is not re-exported"
-                assert alias.name not in names, f"{alias.name} stands there twice"
-                names[alias.name] = node.module
+    for node in tree(Path(package.__file__).with_suffix(".pyi")).body:
+        for alias in node.names:
+            # Without "as", a type checker takes a stub's import for the stub's own use.
+            assert alias.asname == alias.name, f"{alias.name} is not re-exported"
+            assert alias.name not in names, f"{alias.name} stands there twice"
+            names[alias.name] = f"{package.__name__}.{node.module}"
     return names
 
 
@@ -147,36 +151,44 @@ def attribute_docstring(name, module):
     body = tree(Path(importlib.import_module(module).__file__)).body
     for node, below in pairwise(body):
         targets = getattr(node, "targets", [getattr(node, "target", None)])
-        if any(isinstance(t, ast.Name) and t.id == name for t in targets) and (
-            isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-        ):
+        assigned = {part.id for t in targets if t for part in ast.walk(t) if hasattr(part, "id")}
+        documents = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+        if name in assigned and documents:
             return below.value.value
     return None
 
 
-def test_the_stub_has_the_same_names():
-    assert set(stub_names()) == set(mffdrake.__all__)
-    assert sorted(set(mffdrake.__all__)) == list(mffdrake.__all__)
+PUBLIC = [
+    *((mffdrake, name) for name in mffdrake.__all__),
+    *((mffdrake.recognition, name) for name in mffdrake.recognition.__all__),
+]
 
 
-@pytest.mark.parametrize("name", mffdrake.__all__)
-def test_every_public_name_resolves_and_is_documented(name):
-    value = getattr(mffdrake, name)
-    home = stub_names()[name]
+@pytest.mark.parametrize(
+    ("package", "name"), PUBLIC, ids=lambda value: getattr(value, "__name__", value)
+)
+def test_every_public_name_resolves_and_is_documented(package, name):
+    value = getattr(package, name)
+    home = stub_names(package)[name]
     assert value is getattr(importlib.import_module(home), name)
     assert name in getattr(importlib.import_module(home), "__all__", [name])
-    assert name in dir(mffdrake)
+    assert name in dir(package)
     if callable(value):
         doc = vars(value).get("__doc__") if inspect.isclass(value) else value.__doc__
         # A dataclass without a docstring gets its signature for one.
         assert doc and not doc.startswith(f"{name}(")
-    else:
+    elif type(value).__module__.split(".")[0] != "typing":  # A union of documented classes.
         assert attribute_docstring(name, home)
 
 
-def test_a_name_that_does_not_exist_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="no attribute 'NoSuchName'"):
-        _ = mffdrake.NoSuchName
+@pytest.mark.parametrize("package", [mffdrake, mffdrake.recognition])
+def test_only_public_names_are_there(package):
+    assert len(package.__all__) == len(stub_names(package))
+    assert sorted(package.__all__) == package.__all__
+    with pytest.raises(AttributeError, match="NoSuchName"):
+        _ = package.NoSuchName
+    with pytest.raises(ImportError, match="NoSuchName"):
+        exec(f"from {package.__name__} import NoSuchName")
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -185,6 +197,57 @@ def test_every_module_says_what_it_is_for_and_lists_only_what_it_has(name):
     assert module.__doc__
     for public in getattr(module, "__all__", []):
         assert hasattr(module, public), public
+
+
+# Private names stay in the package: what tests and benchmarks need is public.
+
+USERS = [
+    source
+    for folder in ("tests", "benchmarks", "examples")
+    for source in sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
+]
+OTHERS = re.compile(r"_replace|_GetPacked\w+")  # named tuples', and Meshcat's for tests
+
+
+def is_private(name):
+    return any(re.match("_(?!_)", part) for part in name.split("."))
+
+
+def private_names(code):
+    """What code takes from elsewhere that begins with an underscore."""
+    names = set()
+    for node in ast.walk(code):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and re.match(r"mffdrake\.[\w.]+$", str(node.value)):
+            names.add(node.value)  # as pytest.importorskip and monkeypatch.setattr take it
+        elif isinstance(node, ast.Attribute) and not OTHERS.fullmatch(node.attr):
+            own = ast.unparse(node.value) in ("self", "cls")
+            names |= {ast.unparse(node)} if is_private(node.attr) and not own else set()
+    return {name for name in names if is_private(name)}
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("import mffdrake.systems._timing", "mffdrake.systems._timing"),
+        ("from mffdrake.systems._timing import Timing", "mffdrake.systems._timing.Timing"),
+        ("from mffdrake.systems.timing import _Ticks", "mffdrake.systems.timing._Ticks"),
+        ('pytest.importorskip("mffdrake.systems._timing")', "mffdrake.systems._timing"),
+        ("timing = mff.Timing()._ticks", "mff.Timing()._ticks"),
+        ("from __future__ import annotations; self._own = numbers._replace(x=1).__doc__", None),
+    ],
+)
+def test_private_names_are_found(code, found):
+    assert private_names(ast.parse(code)) == ({found} if found else set())
+
+
+def test_tests_benchmarks_and_examples_use_public_names_only():
+    used = {source: private_names(tree(source)) for source in USERS}
+    own = Path(__file__)  # Its examples above are meant.
+    assert {source: names for source, names in used.items() if names and source != own} == {}
 
 
 # Examples.

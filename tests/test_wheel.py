@@ -21,6 +21,9 @@ MODEL_FILES = ("package.xml", "pa10.urdf", "target_box.sdf", "target_box.obj", "
 LOAD_THE_MODELS = """
 import mffdrake
 print(mffdrake.__file__)
+print(mffdrake.MakePa10Plant.__name__)
+from mffdrake.recognition import Camera
+print(Camera.__name__)
 
 from pydrake.geometry import Mesh, Role
 from pydrake.multibody.parsing import Parser
@@ -75,6 +78,8 @@ def test_the_wheel_holds_the_package_and_the_models_once(wheel):
     assert len(names) == len(set(names))
     assert {f"mffdrake/models/{name}" for name in MODEL_FILES} <= set(names)
     assert {"mffdrake/__init__.py", "mffdrake/py.typed"} <= set(names)
+    # The public names are read from them when the package is imported.
+    assert {"mffdrake/__init__.pyi", "mffdrake/recognition/__init__.pyi"} <= set(names)
     # Nothing lands beside the package in site-packages.
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"mffdrake"}
 
@@ -98,8 +103,9 @@ def test_an_installed_wheel_loads_the_arm_and_the_target_from_anywhere(wheel, tm
     elsewhere.mkdir()
     lines = run(python, "-c", LOAD_THE_MODELS, cwd=elsewhere).splitlines()
 
-    package, models, arm, target, mesh = lines
+    package, function, camera, models, arm, target, mesh = lines
     assert Path(package) == site_packages / "mffdrake" / "__init__.py"
+    assert (function, camera) == ("MakePa10Plant", "Camera")
     assert Path(models) == site_packages / "mffdrake" / "models"
     assert arm == "pa10 7"
     assert target == "target_box 7"

@@ -1,4 +1,6 @@
-"""Sets this checkout up and runs it: python3 tools/dev.py TARGET [-- ARGUMENTS] (see TARGETS).
+"""Sets this checkout up and runs it: python3 tools/dev.py TARGET [-- ARGUMENTS].
+
+Without a target, or with "help", it tells what the targets do.
 
 The first run installs the missing system packages (with apt, as root or with password-less sudo;
 otherwise it prints the command and stops), makes .venv and installs the project in it. Later runs
@@ -22,19 +24,19 @@ import sys
 DIAGRAM = ["--workers", "2", "--graphviz", "out/diagram.svg"]
 DEMO = [["-m", "mffdrake", "reproduce", "--short", *DIAGRAM]]
 QUICK_DEMO = [["-m", "mffdrake", "compare", "--renderer", "flat", *DIAGRAM]]
-BENCH = [["benchmarks/report.py"]]
+BENCH = [["benchmarks", "performance"]]
 TEST = [["-m", "pytest", "-n", "logical", "--dist", "worksteal"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]
 
-# Target: its commands, the project's extras they need, and whether they draw.
+# Target: what it does, its commands, the project's extras they need, and whether they draw.
 TARGETS = {
-    "demo": (DEMO, {"dev"}, True),
-    "quick-demo": (QUICK_DEMO, {"dev"}, True),
-    "bench": (BENCH, {"dev"}, True),
-    "test": (TEST, {"dev"}, True),
-    "lint": (LINT, {"dev"}, False),
-    "lab": (LAB, {"dev", "notebooks"}, True),
+    "demo": ("the paper's figures and table from one seed: out/report.html", DEMO, {"dev"}, True),
+    "quick-demo": ("one run with motion feedforward and one without", QUICK_DEMO, {"dev"}, True),
+    "test": ("all tests; ARGS='-k tracker' for some", TEST, {"dev"}, True),
+    "lint": ("style, format and types", LINT, {"dev"}, False),
+    "bench": ("times everything: docs/studies/performance.md (ten minutes)", BENCH, {"dev"}, True),
+    "lab": ("the notebooks, in JupyterLab", LAB, {"dev", "notebooks"}, True),
 }
 
 OLDEST_PYTHON = (3, 11)
@@ -53,11 +55,14 @@ def main(arguments: list) -> int:
         return fail("Drake has no Windows build; use WSL 2 (Windows Subsystem for Linux)")
     if sys.version_info < OLDEST_PYTHON:
         return hand_over_to_newer_python(arguments)
-    target, extra = (arguments[0] if arguments else ""), arguments[1:]
+    target, extra = (arguments[0] if arguments else "help"), arguments[1:]
+    if target == "help":
+        print(help_text())
+        return 0
     if target not in TARGETS:
-        names = "|".join(TARGETS)
+        names = "|".join(["help", *TARGETS])
         return fail(f"unknown target {target!r}; use: dev.py {names} [-- ARGUMENTS]", status=2)
-    commands, extras, draws = TARGETS[target]
+    _, commands, extras, draws = TARGETS[target]
     if extra[:1] == ["--"]:
         extra = extra[1:]
     if extra and len(commands) > 1:
@@ -75,6 +80,12 @@ def main(arguments: list) -> int:
         if status:
             return status
     return run(commands[-1] + extra)
+
+
+def help_text() -> str:
+    """Returns a line for each target."""
+    targets = [(name, does) for name, (does, _, _, _) in TARGETS.items()]
+    return "\n".join(f"make {name:<12}{does}" for name, does in [("help", "this list"), *targets])
 
 
 # Output and processes.

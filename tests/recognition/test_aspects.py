@@ -20,7 +20,7 @@ def known(request):
     """A solid, its search model, and what the compiled functions take of both."""
     solid = SolidModel.from_mesh_file(MODELS / f"{request.param}.obj")
     model = SearchModel(solid)
-    outlines_and_more, samples, _ = Matcher(model, CameraRig.stereo())._structs
+    outlines_and_more, samples, _ = Matcher(model, CameraRig.stereo()).structs
     return solid, model, outlines_and_more.outlines, samples.visibility
 
 
@@ -140,7 +140,7 @@ def test_aspects_are_directions_and_every_direction_has_one():
 
 def test_a_convex_solid_with_few_edges_needs_none():
     box = SolidModel.from_mesh_file(MODELS / "target_box.obj")
-    solid, samples, _ = Matcher(SearchModel(box), CameraRig.stereo())._structs
+    solid, samples, _ = Matcher(SearchModel(box), CameraRig.stereo()).structs
     assert solid.outlines.grid == samples.visibility.grid == 0
     np.testing.assert_array_equal(solid.outlines.ends, box.vertices[box.edges])
 
@@ -148,7 +148,7 @@ def test_a_convex_solid_with_few_edges_needs_none():
 def test_nothing_is_compiled_anew_for_a_solid_of_another_kind():
     def types(name):
         model = SearchModel(SolidModel.from_mesh_file(MODELS / f"{name}.obj"))
-        return [numba.typeof(struct) for struct in Matcher(model, CameraRig.stereo())._structs]
+        return [numba.typeof(struct) for struct in Matcher(model, CameraRig.stereo()).structs]
 
     assert types("target_box") == types("l_block") == types("mug")
 
@@ -159,7 +159,7 @@ def test_nearly_all_of_a_smooth_outline_is_looked_at(seed):
     triangles = trimesh.creation.icosphere(3).triangles * [0.05, 0.07, 0.09]
     names = len(triangles) * ["red"]
     solid = SolidModel.from_triangles(triangles, np.zeros(len(triangles)), names)
-    outlines = Matcher(SearchModel(solid), CameraRig.stereo())._structs[0].outlines
+    outlines = Matcher(SearchModel(solid), CameraRig.stereo()).structs[0].outlines
     shares = []
     for eye, _ in eyes(solid, seed):
         first, second = facing(solid, eye)[solid.edge_faces].T

@@ -71,7 +71,7 @@ def test_the_true_pose_is_within_the_walls_and_the_center_is_the_barrier_s_least
         assert np.abs(residuals).max() < 0.5 + 1e-9
         centered, x, covariance = centering.center(psi, lines, borders, scene)
         assert centered
-        w = centering._HALF
+        w = centering.HALF
 
         def barrier(move, r=residuals, J=J, w=w):
             c = r - J @ move

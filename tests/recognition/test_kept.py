@@ -11,9 +11,9 @@ from mffdrake.recognition.solid.kept import kept
 def folder(tmp_path, monkeypatch):
     """An empty cache folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    module._memory.cache_clear()
+    module.disk_memory.cache_clear()
     yield tmp_path / "cache"
-    module._memory.cache_clear()
+    module.disk_memory.cache_clear()
 
 
 def square(numbers, calls):
@@ -36,7 +36,7 @@ def test_a_result_is_computed_once_for_each_key(folder):
 def test_a_result_is_there_in_the_next_process(folder):
     numbers, calls = np.arange(4.0), []
     kept(square, numbers, calls, key=[numbers])
-    module._memory.cache_clear()  # as a new process begins
+    module.disk_memory.cache_clear()  # as a new process begins
     kept(square, numbers, calls, key=[numbers])
     assert calls == [4]
 
@@ -62,6 +62,6 @@ def test_where_nothing_can_be_written_it_is_computed_each_time(folder):
 def test_results_of_other_code_are_not_taken(folder, monkeypatch):
     numbers, calls = np.arange(4.0), []
     kept(square, numbers, calls, key=[numbers])
-    monkeypatch.setattr(module, "_code", lambda: "another hash")
+    monkeypatch.setattr(module, "code_hash", lambda: "another hash")
     kept(square, numbers, calls, key=[numbers])
     assert calls == [4, 4]

@@ -128,8 +128,8 @@ def test_a_pair_of_blobs_tells_exactly_where_a_plate_is():
 def blobs_of(proposer, images):
     """What is found in each image, of any color and of one."""
     scene, found = proposer.matcher.scene(images), []
-    for k, (view, grid) in enumerate(zip(scene.views, proposer._grids, strict=True)):
-        labels = _blobs.label_pixels(view, grid, scene.gate, proposer._classes)
+    for k, (view, grid) in enumerate(zip(scene.views, proposer.grids, strict=True)):
+        labels = _blobs.label_pixels(view, grid, scene.gate, proposer.classes)
         found += [_blobs.find_blobs(labels, grid, k, 3, one, 6) for one in (False, True)]
     return found
 
@@ -188,8 +188,8 @@ def test_there_is_room_for_all_pairs_of_many_blobs():
     looks = np.zeros((2 * many, 12))
     looks[:, 0] = 1.0
     eyes = tuple(camera.eye for camera in STEREO.cameras)
-    _, R, p = _proposals.rig_frames(blobs, eyes, proposer._turns)
-    sources = _proposals.pair_blobs(blobs, looks, R, p, proposer._table, proposer._bounds)
+    _, R, p = _proposals.rig_frames(blobs, eyes, proposer.turns)
+    sources = _proposals.pair_blobs(blobs, looks, R, p, proposer.table, proposer.bounds)
     pairs = ~np.isnan(sources["depth"])
     assert pairs.sum() == many**2 and (~pairs).sum() == 2 * many
     np.testing.assert_allclose(sources["depth"][pairs], z, rtol=1e-9)
@@ -334,5 +334,5 @@ def test_a_range_without_orientations_gives_no_proposals():
 def test_colors_that_cannot_be_told_apart_are_one():
     sixfold = SolidModel.box((0.1, 0.15, 0.2), (0.0, 0.05, 2.0))
     proposer = proposer_of(STEREO, sixfold)
-    assert proposer._num_colors == 2
-    np.testing.assert_array_equal(proposer._face_classes, [0, 0, 0, 0, 1, 1])
+    assert proposer.num_colors == 2
+    np.testing.assert_array_equal(proposer.face_classes, [0, 0, 0, 0, 1, 1])

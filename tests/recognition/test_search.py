@@ -126,7 +126,7 @@ def test_a_quarter_turn_of_a_cube_is_tried_and_taken():
     R = rotation(truth[3:])
     wrong = pose_from_transform(R @ cv2.Rodrigues(np.array([0.0, 0.0, math.pi / 2]))[0], truth[:3])
     search = PoseSearch(algorithm)
-    turned = turn_about_middle(wrong, solid, search._turns)
+    turned = turn_about_middle(wrong, solid, search.turns)
     angles = rotation_angle(turned[:, 3:], truth[3:])
     assert angles.min() < 1e-6
     best = turned[np.argmax(algorithm.matcher.fitness(turned, images))]
@@ -143,7 +143,7 @@ def test_a_colored_start_draws_where_the_images_show_the_solid():
     algorithm = tracker(solid)
     scene = algorithm.matcher.scene(images)
     draw = {
-        kind: kind().draw(algorithm._algorithm, np.random.default_rng(0), algorithm.matcher, scene)
+        kind: kind().draw(algorithm.algorithm, np.random.default_rng(0), algorithm.matcher, scene)
         for kind in (ColoredStart, RandomStart)
     }
     counts = {kind: algorithm.matcher.middle_shown(poses, scene) for kind, poses in draw.items()}

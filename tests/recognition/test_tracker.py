@@ -216,7 +216,7 @@ def test_local_moves_turn_about_the_solid_s_and_its_faces_centers_between_the_ca
     rig = CameraRig.stereo(baseline=0.130)
     moves = LocalMoveParameters(depth=0.1)
     algorithm = tracker(matcher=Matcher(SearchModel(solid), rig), local_moves=moves)
-    given = algorithm._algorithm.local_moves
+    given = algorithm.algorithm.local_moves
     steps = 0.5 * np.array([0.100, 0.150, 0.200])
     expected = offset + np.concatenate([np.zeros((1, 3)), np.diag(steps), np.diag(-steps)])
     assert given.pivots.shape == (7, 3)

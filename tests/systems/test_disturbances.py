@@ -424,7 +424,7 @@ def test_a_late_frame_is_the_newest_that_has_arrived():
     camera = LateFrames(frames=4, probability=0.7)
     stream = RandomStream(seed=3, index=0, name="right")
     ticks = [10 * k for k in range(400)]
-    delays = [camera._Delay(tick, stream) for tick in ticks]
+    delays = [camera.Delay(tick, stream) for tick in ticks]
     late = np.array(delays) > 0
     assert late.mean() == pytest.approx(0.7, abs=5 * math.sqrt(0.7 * 0.3 / 400))
     np.testing.assert_allclose(

@@ -97,4 +97,4 @@ def test_require_graphics_names_the_problem_and_the_command():
 def test_a_crash_of_the_probe_counts_as_no_driver(tmp_path):
     script = tmp_path / "crash.py"
     script.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
-    assert "crashes" in graphics._find_problem(script)
+    assert "crashes" in graphics.FindGraphicsProblem(script)

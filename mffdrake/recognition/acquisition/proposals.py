@@ -113,19 +113,17 @@ class Proposer:
         from mffdrake.recognition.acquisition.blobs import find_blobs, label_pixels
 
         found = []
-        for index, (view, grid) in enumerate(zip(scene.views, self._grids, strict=True)):
-            labels = label_pixels(view, grid, scene.gate, self._classes)
+        for index, (view, grid) in enumerate(zip(scene.views, self.grids, strict=True)):
+            labels = label_pixels(view, grid, scene.gate, self.classes)
             for of_one_color in (False, True):
                 found.append(
-                    find_blobs(labels, grid, index, self._num_colors, of_one_color, _LEAST_PIXELS)
+                    find_blobs(labels, grid, index, self.num_colors, of_one_color, _LEAST_PIXELS)
                 )
         blobs = np.concatenate([one.blobs for one in found])
         looks = np.concatenate([one.looks for one in found])
         eyes = tuple(view.eye for view in scene.views)
-        frames = proposing.rig_frames(blobs, eyes, self._turns)
-        sources = proposing.pair_blobs(
-            blobs, looks, frames[1], frames[2], self._table, self._bounds
-        )
+        frames = proposing.rig_frames(blobs, eyes, self.turns)
+        sources = proposing.pair_blobs(blobs, looks, frames[1], frames[2], self.table, self.bounds)
         return Clues(blobs, looks, frames, sources)
 
     def propose(self, clues: Clues, count: int, first: int, rng: np.random.Generator) -> Proposals:
@@ -144,12 +142,12 @@ class Proposer:
         from mffdrake.recognition.acquisition import proposing  # numba: slow to import
 
         poses, origins = proposing.propose(
-            *clues, self._table, self.matcher.struct.middle, self._bounds, count, first, rng
+            *clues, self.table, self.matcher.struct.middle, self.bounds, count, first, rng
         )
         return Proposals(poses, origins, clues.sources)
 
     @cached_property
-    def _turns(self) -> Array:
+    def turns(self) -> Array:
         """The cameras' orientations R_CK as quaternions, scalar part first."""
         turns = []
         for camera in self.matcher.rig.cameras:
@@ -158,7 +156,8 @@ class Proposer:
         return np.array(turns)
 
     @cached_property
-    def _grids(self) -> tuple[Grid, ...]:
+    def grids(self) -> tuple[Grid, ...]:
+        """Which pixels of each camera's images are looked at."""
         from mffdrake.recognition.acquisition.blobs import make_grid  # numba: slow to import
 
         grids = []
@@ -168,27 +167,29 @@ class Proposer:
         return tuple(grids)
 
     @cached_property
-    def _face_classes(self) -> NDArray[np.int8]:
+    def face_classes(self) -> NDArray[np.int8]:
         """Numbers of the faces' colors; materials that cannot be told apart are of one."""
         m = self.matcher
         first = m.colors.first_alike(m.solid.materials)
         return np.unique(first, return_inverse=True)[1].astype(np.int8)
 
     @cached_property
-    def _classes(self) -> NDArray[np.int8]:
+    def classes(self) -> NDArray[np.int8]:
         """Numbers of the colors by their bits, -1 for those of other things."""
         m = self.matcher
         classes = np.full(32, -1, dtype=np.int8)
         bits = np.rint(np.log2(m.colors.bits_of(m.solid.materials))).astype(int)
-        classes[bits] = self._face_classes
+        classes[bits] = self.face_classes
         return classes
 
     @property
-    def _num_colors(self) -> int:
-        return int(self._face_classes.max()) + 1
+    def num_colors(self) -> int:
+        """How many colors can be told apart."""
+        return int(self.face_classes.max()) + 1
 
     @cached_property
-    def _bounds(self) -> Bounds:
+    def bounds(self) -> Bounds:
+        """Where the solid may be, and how far from the cameras."""
         from mffdrake.recognition.acquisition.proposing import Bounds  # numba: slow to import
 
         span, solid = self.search_range, self.matcher.solid
@@ -205,7 +206,8 @@ class Proposer:
         return Bounds(span.lower, span.upper, max(0.0, near - reach), far + reach, size)
 
     @cached_property
-    def _table(self) -> Looks:
+    def table(self) -> Looks:
+        """How the solid looks from all sides that the search range allows."""
         from mffdrake.recognition.acquisition.looks import (  # numba: slow to import
             Corners,
             draw_looks,
@@ -217,13 +219,13 @@ class Proposer:
         span = self.search_range
         turns = spread_turns(_LOOKS)
         allowed = np.zeros(len(turns), dtype=bool)
-        for turn in self._turns:
+        for turn in self.turns:
             eps = multiply_all(turn, turns)[:, 1:]
             lower, upper = span.lower[3:] - _MARGIN, span.upper[3:] + _MARGIN
             allowed |= ((eps >= lower) & (eps <= upper)).all(axis=1)
-        distance = 0.5 * (self._bounds.nearest + self._bounds.farthest)
+        distance = 0.5 * (self.bounds.nearest + self.bounds.farthest)
         solid, turns = self.matcher.solid, turns[allowed]
-        classes, count = self._face_classes, self._num_colors
+        classes, count = self.face_classes, self.num_colors
         table: Looks
         if solid.is_plain:
             corners = Corners(solid.vertices, solid.edges, solid.edge_faces)

@@ -144,7 +144,7 @@ class Matcher:
         from mffdrake.recognition.fitness import kernels  # numba: slow to import
 
         poses = np.ascontiguousarray(poses, dtype=float).reshape(-1, 6)
-        samples, rules = self._structs[1:]
+        samples, rules = self.structs[1:]
         result: Array = kernels.fitness_of_poses(poses, scene, samples, rules)
         return result
 
@@ -179,12 +179,12 @@ class Matcher:
 
         gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
         views = self.rig.views(images)
-        return Scene(views, self._structs[0], gate, measure_noise(views))
+        return Scene(views, self.structs[0], gate, measure_noise(views))
 
     @property
     def struct(self) -> Solid:
         """What the compiled functions take for the solid."""
-        return self._structs[0]
+        return self.structs[0]
 
     def _gate(self, gains: Gains) -> ColorGate:
         return self.colors.gate(channel_order=self.channel_order, gains=gains)
@@ -195,7 +195,7 @@ class Matcher:
         return self._gate(NO_GAINS)
 
     @cached_property
-    def _structs(self) -> tuple[Solid, Samples, Rules]:
+    def structs(self) -> tuple[Solid, Samples, Rules]:
         """What the compiled functions take, images aside."""
         from mffdrake.recognition.fitness.structs import (  # numba: slow to import
             Rules,

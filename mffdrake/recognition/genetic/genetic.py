@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 Bits = NDArray[np.uint8]
 
 POSE_COORDINATES = ("x", "y", "z", "eps1", "eps2", "eps3")
+"""Names of a pose vector's components, in their order."""
 
 
 @parameters

@@ -48,6 +48,7 @@ class OneStepGaTracker:
             a refiner, of a fitness above ``sure_fitness``.
         sure_fitness: From there on the white balance trusts an unrefined pose (0 to 1).
         seed: Of the random numbers, at least 0.
+        algorithm: Breeds the generations, as the parameters say.
 
     Raises:
         ValueError: When ``generations_per_frame`` or ``seed`` is out of range.
@@ -73,7 +74,7 @@ class OneStepGaTracker:
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
     seed: int = 0
-    _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
+    algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Checks the parameters and puts the algorithm together."""
@@ -91,7 +92,7 @@ class OneStepGaTracker:
             self.local_moves,
         )
         algorithm = GeneticAlgorithm(self.coding, self.parameters, moves)
-        object.__setattr__(self, "_algorithm", algorithm)
+        object.__setattr__(self, "algorithm", algorithm)
 
     @property
     def rig(self) -> CameraRig:
@@ -133,7 +134,7 @@ class OneStepGaTracker:
             gains: Their white balance.
             rng: Source of randomness.
         """
-        candidates = self.start.draw(self._algorithm, rng, self.matcher, scene)
+        candidates = self.start.draw(self.algorithm, rng, self.matcher, scene)
         return self._select(candidates, scene, Generation(candidates, np.empty(0), gains=gains))
 
     def track(
@@ -196,7 +197,7 @@ class OneStepGaTracker:
         center: ArrayLike | None,
         proposals: ArrayLike | None,
     ) -> Generation:
-        candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
+        candidates = self.algorithm.breed(generation.poses, generation.fitness, rng, center)
         if proposals is not None:
             candidates = np.concatenate([candidates, proposals])
         return self._select(candidates, scene, generation)

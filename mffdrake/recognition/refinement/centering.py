@@ -27,7 +27,7 @@ from mffdrake.recognition.refinement.residuals import compare, hold_free
 Array = NDArray[np.float64]
 
 _LEAST_WALLS = 12  # twice the unknowns
-_HALF = 0.502  # [px] Half the distance of two walls, with a little room for curvature and noise
+HALF = 0.502  # [px] Half the distance of two walls, with a little room for curvature and noise
 _LEAST_SLACK = 0.02  # of it, to begin with
 _TO_WALL = 0.95  # So far toward the nearest wall leads a step at most.
 _SHORTEST = 0.01  # A step of a smaller share means that there is no such pose.
@@ -90,15 +90,15 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
     compare(pose, lines, walls, scene, residuals, J)
     y, z = np.empty(n), np.empty(n)
     for k in range(n):
-        y[k] = max(_HALF - residuals[k], _LEAST_SLACK * _HALF)
-        z[k] = max(_HALF + residuals[k], _LEAST_SLACK * _HALF)
+        y[k] = max(HALF - residuals[k], _LEAST_SLACK * HALF)
+        z[k] = max(HALF + residuals[k], _LEAST_SLACK * HALF)
     gradient, along = np.empty(6), np.empty(n)
     missing = 1.0  # of what the slacks were off the pose's own at the start
     for _ in range(_STEPS):
         H[:], gradient[:] = 0.0, 0.0
         for k in range(n):
             one_y, one_z = 1.0 / y[k], 1.0 / z[k]
-            off_y, off_z = _HALF - residuals[k] - y[k], _HALF + residuals[k] - z[k]
+            off_y, off_z = HALF - residuals[k] - y[k], HALF + residuals[k] - z[k]
             curvature = one_y * one_y + one_z * one_z
             slope = one_y - off_y * one_y * one_y - one_z + off_z * one_z * one_z
             for i in range(6):
@@ -117,15 +117,15 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
             along[k] = 0.0
             for i in range(6):
                 along[k] += J[k, i] * step[i]
-            dy = _HALF - residuals[k] + along[k] - y[k]
-            dz = _HALF + residuals[k] - along[k] - z[k]
+            dy = HALF - residuals[k] + along[k] - y[k]
+            dz = HALF + residuals[k] - along[k] - z[k]
             if share * dy < -_TO_WALL * y[k]:
                 share = -_TO_WALL * y[k] / dy
             if share * dz < -_TO_WALL * z[k]:
                 share = -_TO_WALL * z[k] / dz
         for k in range(n):
-            y[k] += share * (_HALF - residuals[k] + along[k] - y[k])
-            z[k] += share * (_HALF + residuals[k] - along[k] - z[k])
+            y[k] += share * (HALF - residuals[k] + along[k] - y[k])
+            z[k] += share * (HALF + residuals[k] - along[k] - z[k])
             residuals[k] -= share * along[k]
         x += share * step
         if share < _SHORTEST:

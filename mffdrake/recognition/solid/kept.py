@@ -37,14 +37,14 @@ def kept(
         >>> float(kept(np.sqrt, 9.0, key=["an example"]))
         3.0
     """
-    digest = hashlib.sha256(f"{_code()} {function.__module__}.{function.__name__}".encode())
+    digest = hashlib.sha256(f"{code_hash()} {function.__module__}.{function.__name__}".encode())
     for part in key:
         if isinstance(part, str):
             digest.update(part.encode())
         else:
             digest.update(f"{part.dtype} {part.shape}".encode())
             digest.update(np.ascontiguousarray(part).tobytes())
-    memory = _memory()
+    memory = disk_memory()
     found = memory.cache(_call, ignore=["function", "arguments"], verbose=0)
     name = digest.hexdigest()
     is_new = memory.location is not None and not found.check_call_in_cache(
@@ -61,7 +61,7 @@ def _call(digest: str, function: Callable[..., Result], arguments: Sequence[Any]
 
 
 @functools.cache
-def _memory() -> Memory:
+def disk_memory() -> Memory:
     """The user's cache folder."""
     import joblib  # Slow to import, and needed for large solids alone.
     import platformdirs
@@ -73,7 +73,7 @@ def _memory() -> Memory:
 
 
 @functools.cache
-def _code() -> str:
+def code_hash() -> str:
     """A hash of this room's code, and of what it is compiled by."""
     digest = hashlib.sha256(f"numpy {np.__version__}, numba {version('numba')}".encode())
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):

@@ -104,7 +104,7 @@ def features(evidence: Evidence) -> Array:
 def confidence(evidence: Evidence) -> float:
     """Probability that a pose is right to 5 mm and 1 deg: a logistic function of the `features`.
 
-    Its weights are fitted to runs with all kinds of disturbances (``benchmarks/confidence.py``).
+    Its weights are fitted to runs with all kinds of disturbances (``benchmarks/confidence``).
 
     Args:
         evidence: What is known of the pose.

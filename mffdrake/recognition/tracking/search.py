@@ -177,11 +177,12 @@ class PoseSearch:
         proposals = None
         if (number >> 32) % self.parameters.turn_every == 0:
             solid = self.tracker.matcher.solid
-            proposals = turn_about_middle(population.best, solid, self._turns)
+            proposals = turn_about_middle(population.best, solid, self.turns)
         return self._breeder.track(population, images, frame=number, proposals=proposals)
 
     @cached_property
-    def _turns(self) -> Array:
+    def turns(self) -> Array:
+        """Those under which the solid looks much the same, and which each round tries."""
         return find_turns(self.tracker.matcher.solid)
 
     def _agreeing(self, ends: list[Generation]) -> list[Generation]:

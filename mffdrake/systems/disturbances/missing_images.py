@@ -106,7 +106,7 @@ class LateFrames(FrameDisturbance):
 
     def Shown(self, ticks: Sequence[int], stream: RandomStream, timing: Timing) -> Sequence[int]:
         """The newest image that has arrived, see `FrameDisturbance.Shown`."""
-        arrived = [k - self._Delay(tick, stream) for k, tick in enumerate(ticks)]
+        arrived = [k - self.Delay(tick, stream) for k, tick in enumerate(ticks)]
         newest = max(0, *arrived)
         return [ticks[newest]]
 
@@ -114,7 +114,7 @@ class LateFrames(FrameDisturbance):
         """Those that may still be delivered, see `FrameDisturbance.Kept`."""
         return ticks[-self.frames :]
 
-    def _Delay(self, tick: int, stream: RandomStream) -> int:
+    def Delay(self, tick: int, stream: RandomStream) -> int:
         """How many frames the image delivered at a frame is old at most."""
         if self.probability is None:
             return self.frames

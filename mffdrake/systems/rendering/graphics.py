@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mffdrake.recognition.parameters import InputError
 
-__all__ = ["GraphicsUnavailableError", "RequireGraphics"]
+__all__ = ["FindGraphicsProblem", "GraphicsUnavailableError", "RequireGraphics"]
 
 _PROBE = Path(__file__).with_name("graphics_probe.py")
 _PROBE_TIMEOUT = 30.0  # s; the probe takes about 0.1 s, the first time on a cold disk about 1 s
@@ -43,12 +43,12 @@ def RequireGraphics() -> None:
     """
     if sys.platform == "darwin":
         return
-    problem = _find_problem(_PROBE)
+    problem = FindGraphicsProblem(_PROBE)
     if problem is not None:
         raise GraphicsUnavailableError(f"cannot render: {problem}; {_REMEDY}")
 
 
-def _find_problem(probe: Path) -> str | None:
+def FindGraphicsProblem(probe: Path) -> str | None:
     """Runs the probe in a process of its own.
 
     Args:

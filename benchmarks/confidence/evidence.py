@@ -1,4 +1,4 @@
-"""Evidence for poses, right and wrong ones, that the confidence is fitted to and checked with."""
+"""Evidence of poses, right and wrong ones: the confidence is fitted to it and checked with it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from acquisition import errors, make_tracker, show
-from acquisition_images import SOLIDS, Case, Renderer, disturb
+from acquisition.cases import SOLIDS, Case, Renderer, disturb
+from acquisition.study import errors, make_tracker, show
 from numpy.typing import NDArray
 
 from mffdrake.experiment.scenario.scenario import Scenario

@@ -1,25 +1,23 @@
-"""Runs all benchmarks and writes their tables into docs/performance.md.
+"""Runs all benchmarks of speed and memory, and writes docs/studies/performance.md.
 
-    python benchmarks/report.py
+    python benchmarks performance [--only TITLE] [--record]
 
-It takes about ten minutes, on an otherwise idle machine.
+It takes about ten minutes, on an otherwise idle machine. --record only measures this version's line
+in benchmarks/history.csv, in a minute or two.
 """
 
+import argparse
 import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
 
-import memory
-import recognition
-import renderers
-import simulation
-import sweeps
 from tqdm import tqdm
 
 from mffdrake.recognition.recordings.files import WholeFile
+from speed import history, memory, recognition, renderers, simulation, sweeps
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies" / "performance.md"
 
 SECTIONS = (
     (
@@ -71,16 +69,31 @@ def machine() -> str:
 
 def main() -> None:
     """Measures and writes."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    titles = [title for title, _, _ in SECTIONS]
+    parser.add_argument("--only", choices=titles, help="print this table, and write no page")
+    parser.add_argument(
+        "--record", action="store_true", help=f"write a line in {history.FILE.name}"
+    )
+    options = parser.parse_args()
+    if options.record:
+        line = history.measure()
+        history.record(line)
+        print("\n".join(f"{name:<18}{value}" for name, value in line.items()))
+        print(f"written: {history.FILE}")
+        return
+    if options.only:
+        (table,) = [table for title, table, _ in SECTIONS if title == options.only]
+        print(table())
+        return
     parts = [
         "# Performance\n\nWritten by `make bench`. The ratios come first, as they were measured in "
-        f"one run each and depend least on the machine: {machine()}."
+        f"one run each and depend least on the machine: {machine()}. "
+        "[`benchmarks/history.csv`](../../benchmarks/history.csv) has the main ones of each "
+        "release."
     ]
     for title, table, text in tqdm(SECTIONS, unit="benchmark"):
         parts.append(f"## {title}\n\n{text}\n\n{table()}")
     with WholeFile(PAGE) as part:
         part.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     print(f"written: {PAGE}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,22 +1,19 @@
-"""Accuracy of whole simulations, with and without refinement: path, shaking hand, random starts.
-
-python benchmarks/accuracy_runs.py
-"""
+"""Accuracy of whole simulations, with and without refinement: path, shaking hand, random starts."""
 
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import markdown
 from tqdm import tqdm
 
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition.poses.pose import rotation_angle
 
-SHAKING = Path(__file__).parents[1] / "scenarios" / "shaking_hand.yaml"
+SHAKING = Path(__file__).parents[2] / "scenarios" / "shaking_hand.yaml"
 SEEDS = {"flat": 20, "vtk": 5}
 FIRST_SEED = 500  # apart from those that the parameters were tuned on
 OMEGAS = (0.105, 0.157, 0.314, 1.256)
@@ -84,7 +81,7 @@ def path_table() -> str:
         rows.append([renderer, omega, refinement, len(runs), ratio, *numbers, bias])
     header = ["renderer", "omega [rad/s]", "refinement", "seeds", "position / at 0.105 rad/s"]
     header += ["x [mm]", "y [mm]", "z [mm]", "position [mm]", "rotation [deg]", "bias [mm]"]
-    return markdown(header, rows)
+    return Markdown(header, rows)
 
 
 def shake_table(seeds: int = 5) -> str:
@@ -104,7 +101,7 @@ def shake_table(seeds: int = 5) -> str:
         within = f"{100 * median(runs, 'within'):.1f} %"
         rows.append([frames, method, refinement, seeds, within, *numbers])
     header = ["frames", "method", "refinement", "seeds", "within 5 mm and 1 deg"]
-    return markdown([*header, "position [mm]", "rotation [deg]"], rows)
+    return Markdown([*header, "position [mm]", "rotation [deg]"], rows)
 
 
 def lock_table(seeds: int = 60) -> str:
@@ -119,9 +116,4 @@ def lock_table(seeds: int = 60) -> str:
     for k, refinement in enumerate(REFINEMENTS):
         share = np.mean([run["locked"] for run in results[k * seeds : (k + 1) * seeds]])
         rows.append([refinement, seeds, f"{100 * share:.0f} %"])
-    return markdown(["refinement", "seeds", f"within 5 mm and 1 deg at frame {LOCK_FRAMES}"], rows)
-
-
-if __name__ == "__main__":
-    for table in (lock_table, shake_table, path_table):
-        print(table(), flush=True)
+    return Markdown(["refinement", "seeds", f"within 5 mm and 1 deg at frame {LOCK_FRAMES}"], rows)

@@ -1,7 +1,5 @@
 """Times a pair of color images of the hand-eye scene, by VTK and by the flat renderer.
 
-    python benchmarks/renderers.py
-
 The arm moves between the pairs, so that each is drawn anew, and each number is the median of many.
 """
 
@@ -12,9 +10,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
-from tables import markdown
 
 import mffdrake as mff
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.systems.arms.pa10 import NOMINAL_POSITIONS
 from mffdrake.systems.rendering.flat_renderer import AddFlatRenderer
 
@@ -64,8 +62,4 @@ def table() -> str:
     for width, height in SIZES:
         vtk, flat = time_pair("vtk", width, height), time_pair("flat", width, height)
         rows.append([f"{width} x {height}", f"{vtk / flat:.0f}", f"{vtk:.1f}", f"{flat:.2f}"])
-    return markdown(["images", "vtk / flat", "vtk [ms a pair]", "flat [ms a pair]"], rows)
-
-
-if __name__ == "__main__":
-    print(table())
+    return Markdown(["images", "vtk / flat", "vtk [ms a pair]", "flat [ms a pair]"], rows)

@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (text)
-"""How well the solids in models/ are tracked, and found: writes docs/targets.md.
+"""How well the solids in models/ are tracked, and found: writes docs/studies/targets.md.
 
-    python benchmarks/any_solid.py [--seeds 20] [--poses 100] [--only NAME ...]
+    python benchmarks targets [--seeds 20] [--poses 100] [--only NAME ...]
 
 With 20 seeds and 100 poses it takes about half an hour on two cores.
 """
@@ -19,13 +19,13 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from acquisition import find
-from acquisition_images import MODELS, Case
 from numpy.typing import NDArray
 from processes import call_all
-from tables import markdown
 
+from acquisition.cases import MODELS, Case
+from acquisition.study import find
 from mffdrake.experiment.runs.store import CodeFingerprint
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
@@ -34,7 +34,7 @@ from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid import kept
 from mffdrake.recognition.solid.symmetry import find_symmetries
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NAMES = ("target_box", "wedge", "hexagonal_prism", "l_block", "notched_box", "hammer", "mug")
 FIRST_SEED = 8000  # apart from those that anything was tuned on
 SETTLED_AFTER = 1.0  # [s]
@@ -43,7 +43,7 @@ POSES = 400
 
 PAGE = """# Targets of all kinds
 
-Written by `python benchmarks/any_solid.py --seeds {seeds} --poses {poses}`. Code: {code}.
+Written by `python benchmarks targets --seeds {seeds} --poses {poses}`. Code: {code}.
 
 ## On the paper's path
 
@@ -105,7 +105,7 @@ def path_table(models: list[str], seeds: int) -> str:
         "worst",
         "tracking [%]",
     ]
-    return markdown(heads, rows)
+    return Markdown(heads, rows)
 
 
 def found_table(models: list[str], poses: int) -> str:
@@ -129,7 +129,7 @@ def found_table(models: list[str], poses: int) -> str:
         says = np.concatenate([o.says for o in of])
         shares = [right[:, k - 1].mean() for k in (1, 3, 10)] + [(says & ~right).mean()]
         rows.append([case.name, *(f"{100 * share:.1f}" for share in shares)])
-    return markdown(["target", "right, 1", "right, 3", "right, 10", "false, any"], rows)
+    return Markdown(["target", "right, 1", "right, 3", "right, 10", "false, any"], rows)
 
 
 def _poses() -> NDArray[np.float64]:
@@ -153,17 +153,17 @@ def cost_table(models: list[str]) -> str:
     matchers: dict[str, Matcher] = {}
     building: dict[str, list[float]] = {name: [] for name in solids}
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
-        kept._memory.cache_clear()
+        kept.disk_memory.cache_clear()
         for name in ("target_box", "mug"):  # After that all is compiled.
             Matcher(SearchModel(MODELS[f"models/{name}"]), rig).fitness(poses, images)
         shutil.rmtree(folder)
-        kept._memory.cache_clear()
+        kept.disk_memory.cache_clear()
         for name, solid in 2 * [*solids.items()]:
             start = time.perf_counter()
             matchers[name] = Matcher(SearchModel(solid), rig)
             matchers[name].fitness(poses, images)
             building[name].append(time.perf_counter() - start)
-    kept._memory.cache_clear()
+    kept.disk_memory.cache_clear()
     best = dict.fromkeys(matchers, math.inf)
     for _ in range(TRIES):
         for name, matcher in matchers.items():
@@ -176,7 +176,7 @@ def cost_table(models: list[str]) -> str:
          f"{1e6 * best[name] / POSES:.1f}", f"{best[name] / best['target_box']:.2f}"]
         for name in matchers
     ]  # fmt: skip
-    return markdown(
+    return Markdown(
         ["target", "triangles", "built [s]", "read [s]", "a pose [us]", "of the box's"], rows
     )
 
@@ -202,7 +202,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20, help="runs of each target on the path")
     parser.add_argument("--poses", type=int, default=100, help="random poses of each target")
     parser.add_argument("--only", nargs="+", default=list(NAMES), choices=NAMES)
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs" / "studies")
     options = parser.parse_args()
     page = PAGE.format(
         seeds=options.seeds, poses=options.poses, code=CodeFingerprint(), settled=SETTLED_AFTER,
@@ -215,7 +215,3 @@ def main() -> None:
     with WholeFile(options.docs / "targets.md") as part:
         part.write_text(page, encoding="utf-8")
     print(f"written: {options.docs / 'targets.md'}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,14 +1,14 @@
 """How often a pose is found in the real images of a cube, and how accurately.
 
-    python benchmarks/real_images.py [FOLDER]
+    python benchmarks real_images [FOLDER]
 
 FOLDER holds cube_v1 as ../shared/real does; see its README. Colors are learned from its masks; then
 random starts over the whole arena, 20 seeds for each variant.
 """
 
+import argparse
 import dataclasses as dc
 import math
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,10 +16,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import yaml
-from tables import markdown
 from tqdm import tqdm
 
 import mffdrake as mff
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
 from mffdrake.recognition.recordings.color_file import LearnColors
 from mffdrake.recognition.recordings.image_files import ReadImage, ReadMask
@@ -131,12 +131,15 @@ def table(folder: Path) -> str:
     rows = [measure(*variant, colors) for variant in tqdm(list(variants(rig, images)))]
     header = ["images", "within 10 mm and 0.2 rad", "refined", "from the expected pose [mm]",
               "[rad]", "fitness", "residual [px]", "height [mm]", "generations", "s"]  # fmt: skip
-    return markdown(header, rows)
+    return Markdown(header, rows)
 
 
-if __name__ == "__main__":
-    default = Path(__file__).parents[2] / "shared" / "real"
-    place = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    if not (place / "cube_v1").is_dir():
-        sys.exit(f"{place}/cube_v1 is not there: name the folder that holds cube_v1")
-    print(table(place / "cube_v1"))
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    default = Path(__file__).parents[3] / "shared" / "real"
+    parser.add_argument("folder", nargs="?", type=Path, default=default, help="holds cube_v1")
+    place = parser.parse_args().folder / "cube_v1"
+    if not place.is_dir():
+        parser.error(f"{place} is not there: name the folder that holds cube_v1")
+    print(table(place))

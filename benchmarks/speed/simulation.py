@@ -1,13 +1,10 @@
 """Times whole simulations: real-time factor and stages, by renderer and image size.
 
-    python benchmarks/simulation.py
-
 With motion feedforward, on one core. Every cell is the fastest of some runs, for other programs can
 only slow one down.
 """
 
-from tables import markdown
-
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 
@@ -48,8 +45,4 @@ def table() -> str:
                 + [f"{factors[renderer]:.2f}"]
                 + [f"{ms[stage]:.2f}" for stage in stages]
             )
-    return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())
+    return Markdown(header, rows)

@@ -1,23 +1,22 @@
 # ruff: noqa: E501 (tables)
-"""Measures the accuracy and writes the tables into docs/accuracy.md.
+"""Measures the accuracy and writes the tables into docs/studies/accuracy.md.
 
-    python benchmarks/accuracy.py
+    python benchmarks accuracy [--only TITLE]
 
 It takes about half an hour on two cores.
 """
 
+import argparse
 from pathlib import Path
 
-import accuracy_images
-import accuracy_runs
-
+from accuracy import runs, single_images
 from mffdrake.recognition.recordings.files import WholeFile
 
-PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies" / "accuracy.md"
 
 INTRODUCTION = """# Accuracy
 
-Written by `python benchmarks/accuracy.py`. Root-mean-square errors; medians over the seeds where there
+Written by `python benchmarks accuracy`. Root-mean-square errors; medians over the seeds where there
 are several. The seeds are others than those that the parameters were tuned on. With
 `recognizer: {refinement: borders}` every frame's pose is refined from the color borders in both
 images (`mffdrake.recognition.BorderRefiner`); the default, `none`, is the paper's recognizer. The
@@ -42,25 +41,25 @@ shakes by 75 mm and 7.5 deg at 1.2 Hz.
 SECTIONS = (
     (
         "Along the paper's path",
-        accuracy_runs.path_table,
+        runs.path_table,
         "40 s each with motion feedforward, from a random start, without the first 5 s. The bias is the "
         "length of the mean position error.",
     ),
     (
         "A shaking hand",
-        accuracy_runs.shake_table,
+        runs.shake_table,
         "`scenarios/shaking_hand.yaml`: 75 mm and 7.5 deg at 1.2 Hz, with every frame (33 ms) and with "
         "every fourth one only (132 ms), 40 s each, without the first 5 s. `ga` is without feedforward.",
     ),
     (
         "Random starts",
-        accuracy_runs.lock_table,
+        runs.lock_table,
         "Which share of random first populations has found the target after 60 frames, at "
         "0.314 rad/s with feedforward.",
     ),
     (
         "Single images",
-        accuracy_images.table,
+        single_images.table,
         "Random poses around the arc, each refined from a start 3 mm and 1 deg off; with noise, and with "
         "half of the target hidden behind a bar. *refined* counts the poses that the refiner "
         "answered for; it leaves the others as they were. The Cramer-Rao bound is for borders that "
@@ -70,7 +69,7 @@ SECTIONS = (
     ),
     (
         "Along the box's axes",
-        accuracy_images.axes_table,
+        single_images.axes_table,
         "Where the edges of the box run along the pixels' rows and columns, and each pixel shows one color "
         "only (the flat renderer), many poses draw the very same image: a row tells between which two "
         "pixel centers an edge passes, and few rows differ. Sampled evenly, the poses that draw the "
@@ -83,6 +82,14 @@ SECTIONS = (
 
 def main() -> None:
     """Measures and writes."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    titles = [title for title, _, _ in SECTIONS]
+    parser.add_argument("--only", choices=titles, help="print this table, and write no page")
+    only = parser.parse_args().only
+    if only:
+        (table,) = [table for title, table, _ in SECTIONS if title == only]
+        print(table())
+        return
     parts = [INTRODUCTION]
     for title, table, text in SECTIONS:
         parts.append(f"## {title}\n\n{text}\n\n{table()}")
@@ -90,7 +97,3 @@ def main() -> None:
     with WholeFile(PAGE) as part:
         part.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     print(f"written: {PAGE}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,13 +1,9 @@
-"""Memory of simulations: of one of 40 s, and of a hundred in one process, which must not grow.
-
-python benchmarks/memory.py
-"""
+"""Memory of simulations: of one of 40 s, and of a hundred in one process, which must not grow."""
 
 import multiprocessing
 import resource
 
-from tables import markdown
-
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 
@@ -52,8 +48,4 @@ def table() -> str:
         rows.append([renderer, *cells])
     header = ["renderer", "after 100 runs / after 10", "growth [MB a run]", "after 10 runs [MB]"]
     header += ["after 100 runs [MB]", "peak of one 40 s run [MB]"]
-    return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())
+    return Markdown(header, rows)

@@ -1,15 +1,12 @@
 """Times many runs on one and on two worker processes, with the flat renderer.
 
-    python benchmarks/sweeps.py
-
 The workers are started and have loaded everything before the clock starts.
 """
 
 import time
 
-from tables import markdown
-
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.simulation import Simulate
 
@@ -45,8 +42,4 @@ def table() -> str:
     rows = [
         [workers, f"{rate / rates[1]:.2f}", f"{60.0 * rate:.0f}"] for workers, rate in rates.items()
     ]
-    return markdown(["workers", "throughput / one worker's", "simulated s a minute"], rows)
-
-
-if __name__ == "__main__":
-    print(table())
+    return Markdown(["workers", "throughput / one worker's", "simulated s a minute"], rows)

@@ -1,7 +1,5 @@
 """Times one generation of the recognizer, selection and crossover included, and a refinement.
 
-    python benchmarks/recognition.py
-
 On flat-colored images of the box, with the population where it is after 60 generations. The first
 columns are costs relative to the default's, in the same run.
 """
@@ -17,9 +15,10 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
-from tables import markdown, median_ms
+from timing import median_ms
 
 import mffdrake as mff
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition.poses.pose import compose_quaternion_vectors, rotation_matrix
@@ -97,7 +96,7 @@ def table() -> str:
         size = f"{variant['width']} x {variant['width'] * 3 // 4}"
         rows.append([f"{ms / usual:.2f}", variant["population"], points, size, f"{ms:.2f}"])
     header = ["cost / default's", "population", "points of the model", "images", "generation [ms]"]
-    return markdown(header, rows)
+    return Markdown(header, rows)
 
 
 def make_rig(count: int, lens: str) -> mff.CameraRig:
@@ -214,10 +213,4 @@ def table_of_rigs() -> str:
         ratios = [f"{ms / pair:.2f}" for ms, pair in zip(measured, usual, strict=True)]
         rows.append([*ratios, count, lens, *(f"{ms:.2f}" for ms in measured)])
     header = ["generation / the pair's", "refinement / the pair's", "cameras", "distortion"]
-    return markdown([*header, "generation [ms]", "refinement [ms]"], rows)
-
-
-if __name__ == "__main__":
-    print(table())
-    print()
-    print(table_of_rigs())
+    return Markdown([*header, "generation [ms]", "refinement [ms]"], rows)

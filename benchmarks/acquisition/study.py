@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (text)
-"""How fast and surely a target is found from nothing: writes docs/acquisition.md.
+"""How fast and surely a target is found from nothing: writes docs/studies/acquisition.md.
 
-    python benchmarks/acquisition.py [--poses 300] [--workers 2] [--only CASE ...]
+    python benchmarks acquisition [--poses 300] [--workers 2] [--only CASE ...]
 
 With 300 poses it takes about three quarters of an hour on two cores.
 """
@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from acquisition_images import ANYWHERE, SOLIDS, Case, Renderer, disturb
 from numpy.typing import NDArray
 from processes import call_all
-from tables import markdown
 
+from acquisition.cases import ANYWHERE, SOLIDS, Case, Renderer, disturb
 from mffdrake.experiment.runs.store import CodeFingerprint
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.experiment.scenario.scenario import Change, Scenario
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition import (
@@ -66,7 +66,7 @@ CASES = (
 
 PAGE = """# Found from nothing
 
-Written by `python benchmarks/acquisition.py --poses {poses}`. Code: {code}.
+Written by `python benchmarks acquisition --poses {poses}`. Code: {code}.
 
 A tracker with `recognizer: {{refinement: borders}}` is shown a target at {poses} random poses of its search range, nothing of which it knows. *Right* is the share of poses recognized to 5 mm and 1 deg at the first, second, third and tenth frame [%]; *says so* the share with `is_tracking` at the third, *false* the share of all frames that say so of a wrong pose. At rest all frames show the same pose; on the path the cameras swing as the hand does on the paper's path at 0.314 rad/s, from a random moment on, and feedforward tells the tracker of it.
 
@@ -193,7 +193,7 @@ def table(found: dict[str, Outcome]) -> str:
         shares = [right[:, k - 1].mean() if k <= right.shape[1] else math.nan for k in SHOWN]
         shares += [says[:, 2].mean(), (says & ~right).mean()]
         rows.append([name, *("-" if math.isnan(s) else f"{100 * s:.1f}" for s in shares)])
-    return markdown(heads, rows)
+    return Markdown(heads, rows)
 
 
 def main() -> None:
@@ -204,7 +204,7 @@ def main() -> None:
     parser.add_argument("--renderers", nargs="+", default=["flat", "vtk"])
     parser.add_argument("--motions", nargs="+", default=["rest", "path"], choices=["rest", "path"])
     parser.add_argument("--only", nargs="+", default=[], choices=[c.name for c in CASES])
-    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
+    parser.add_argument("--docs", type=Path, default=Path(__file__).parents[2] / "docs" / "studies")
     options = parser.parse_args()
     found = study(options)
     where = {"rest": "at rest", "path": "on the path at 0.314 rad/s, with feedforward"}
@@ -219,7 +219,3 @@ def main() -> None:
     with WholeFile(options.docs / "acquisition.md") as part:
         part.write_text(page + "\n", encoding="utf-8")
     print(f"\nwritten: {options.docs / 'acquisition.md'}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,5 @@
 """Accuracy of the refinement on single images: renderers, sizes, noise, half of the target hidden.
 
-    python benchmarks/accuracy_images.py
-
 Random poses around the paper's arc, each refined from a start 3 mm and 1 deg off. Beside it, the
 Cramer-Rao bound: what no unbiased estimator can go below that sees the same borders under the same
 noise, blended by area and with known colors. (Hard-edged images are limited by rounding instead.)
@@ -15,10 +13,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
-from tables import markdown
 from tqdm import tqdm
 
 import mffdrake as mff
+from mffdrake.experiment.runs.table import Markdown
 from mffdrake.recognition import BorderRefiner
 from mffdrake.recognition.poses.pose import (
     compose_quaternion_vectors,
@@ -181,7 +179,7 @@ def table() -> str:
             rows.append([size, "bound", noise, "", "", *numbers, ""])
     header = ["images", "renderer", "noise [grey levels]", "hidden", "refined", "x [mm]", "y [mm]"]
     header += ["z [mm]", "position [mm]", "rotation [deg]", "mean NEES (6 expected)"]
-    return markdown(header, rows)
+    return Markdown(header, rows)
 
 
 def axes_table(count: int = 100) -> str:
@@ -199,9 +197,4 @@ def axes_table(count: int = 100) -> str:
             rows.append([degrees, noise, *measure(refiner, poses, images, noise, hidden=False)])
     header = ["turned by about [deg]", "noise [grey levels]", "refined", "x [mm]", "y [mm]"]
     header += ["z [mm]", "position [mm]", "rotation [deg]", "mean NEES (6 expected)"]
-    return markdown(header, rows)
-
-
-if __name__ == "__main__":
-    print(table())
-    print(axes_table())
+    return Markdown(header, rows)

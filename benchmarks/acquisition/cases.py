@@ -65,7 +65,7 @@ SOLIDS = {
 
 MODELS = {
     f"models/{path.stem}": mff.SolidModel.from_mesh_file(path)
-    for path in sorted((Path(__file__).parents[1] / "models").glob("*.obj"))
+    for path in sorted((Path(__file__).parents[2] / "models").glob("*.obj"))
 }
 """Those that come with the package."""
 

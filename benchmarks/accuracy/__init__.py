@@ -1,0 +1,1 @@
+"""How accurate the poses are, on drawn and on real images."""

@@ -1,0 +1,1 @@
+"""How soon and how surely targets of all shapes are found."""

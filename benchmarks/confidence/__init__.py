@@ -1,0 +1,1 @@
+"""How the confidence is fitted, and how reliable it is."""
