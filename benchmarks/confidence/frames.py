@@ -55,7 +55,7 @@ def of_study(options: argparse.Namespace, first_seed: int, title: str) -> Frames
     chosen = [c for c in conditions(options.duration) if c[0] in groups]
     scenarios, names = [], []
     seeds = range(first_seed, first_seed + options.seeds)
-    for (group, _, changes), name, method, seed in itertools.product(
+    for (group, strength, changes), name, method, seed in itertools.product(
         chosen, MOTIONS, METHODS, seeds
     ):
         base = Change(motion(name, options.duration), changes)
