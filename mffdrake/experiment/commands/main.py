@@ -1,6 +1,10 @@
 """The command line: ``mffdrake run``, ``compare``, ``track`` and the others.
 
-What a command needs is imported when it is called: the help comes at once.
+What a command needs is imported when it is called: the help comes at once. A command is a function
+of the parsed options (some also of the scenario and the folder for results, see `_WithScenario`)
+that returns the exit status: 0; 1 when runs failed; 2 where the target left the arm's reach; 130
+after an interrupt. On bad input it raises an `InputError` or an OSError, most of it before any long
+work.
 """
 
 from __future__ import annotations

@@ -41,20 +41,7 @@ _SHOWN_FAILURES = 5
 
 
 def RunCompare(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    """Runs methods x speeds x seeds, and draws and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-        scenario: What the variants have in common.
-        folder: Where results and pictures go.
-
-    Returns:
-        The exit status, 0.
-
-    Raises:
-        ScenarioError, UnreachablePathError, ClusterError, GraphicsUnavailableError, OSError: On bad
-            input, most of it before any long work.
-    """
+    """Runs methods x speeds x seeds, and draws and tells what came out."""
     omegas = list(dict.fromkeys(options.omega))
     variants = MakeVariants(
         scenario, methods=list(dict.fromkeys(options.methods)), omegas=omegas,
@@ -106,17 +93,7 @@ def _DrawAll(pictures: Sequence[tuple[Callable[..., Any], Any, Path]], workers: 
 
 
 def RunSweep(options: argparse.Namespace) -> int:
-    """Runs a sweep and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-
-    Returns:
-        The exit status: 0, or 1 when runs failed.
-
-    Raises:
-        ScenarioError, StoreError, ClusterError, GraphicsUnavailableError, OSError: On bad input.
-    """
+    """Runs a sweep and tells what came out."""
     grid = _LoadGrid(options)
     place = _Place(options, grid.runs, UsableCores())
     folder = MakeOutputFolder(options.out)
@@ -148,18 +125,7 @@ def _LoadGrid(options: argparse.Namespace) -> Grid:
 
 
 def RunReproduce(options: argparse.Namespace) -> int:
-    """Reproduces the paper's experiment and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-
-    Returns:
-        The exit status: 0, or 1 when runs failed for other reasons than the arm's limits.
-
-    Raises:
-        ScenarioError, UnreachablePathError, StoreError, ClusterError, GraphicsUnavailableError,
-            OSError: On bad input.
-    """
+    """Reproduces the paper's experiment and tells what came out."""
     base = LoadScenario(options.scenario_file, options.scenario_text)
     base = Change(base, GivenOptions(options, "duration", "seed"))
     studies = MakeStudies(options.seeds, vtk_seeds=options.vtk_seeds, short=options.short)

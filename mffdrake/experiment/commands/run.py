@@ -91,16 +91,7 @@ class OneSimulation:
 
 
 def RunOne(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    """Runs one simulation, and draws and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-        scenario: The scenario.
-        folder: Where results and pictures go.
-
-    Returns:
-        The exit status: 0, 130 after an interrupt.
-    """
+    """Runs one simulation, and draws and tells what came out."""
     one = SimulateOne(scenario, graphviz=options.graphviz, replay=options.replay)
     row = one.Write(scenario, folder)
     SaveFigure(PlotHandPath(one.result), folder / "hand_path.png")
@@ -112,16 +103,7 @@ def RunOne(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int
 
 
 def RunRecord(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    """Records images, rig and motion, and tells how they are tracked.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-        scenario: The scenario.
-        folder: Where the recording goes.
-
-    Returns:
-        The exit status, 0.
-    """
+    """Records images, rig and motion, and tells how they are tracked."""
     with TimeBar(scenario.duration) as on_frame:
         result = Record(scenario, folder, on_frame=on_frame)
     print(f"{len(result.time)} frames. To track them as they were tracked just now:")
@@ -145,19 +127,7 @@ def ServoDefaults() -> Scenario:
 
 
 def RunServo(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
-    """Runs one simulation in which the hand follows the target.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-        scenario: The scenario.
-        folder: Where results and pictures go.
-
-    Returns:
-        The exit status: 0, 130 after an interrupt, 2 where the target left the arm's reach.
-
-    Raises:
-        ScenarioError: When an option does not fit the target's motion.
-    """
+    """Runs one simulation in which the hand follows the target."""
     scenario = _WithOptions(options, scenario)
     meshcat = Meshcat() if options.meshcat else None
     if meshcat is not None:

@@ -47,18 +47,7 @@ _SIZES = (0.01, 3.0)  # [m] Others are probably in other units.
 
 
 def RunTarget(options: argparse.Namespace) -> int:
-    """Draws a mesh as the recognizer knows it, and says what it makes of it.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-
-    Returns:
-        The exit status, 0.
-
-    Raises:
-        ArgumentsError: When the mesh is no closed solid with a hue on every face.
-        OSError: When a file cannot be read or written.
-    """
+    """Draws a mesh as the recognizer knows it, and says what it makes of it."""
     solid = LoadTarget(options.mesh)
     model = SearchModel(solid)
     told = DescribeTarget(model)
@@ -209,17 +198,7 @@ _log = logging.getLogger("mffdrake")
 
 
 def RunColors(options: argparse.Namespace) -> int:
-    """Learns colors from example images, and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-
-    Returns:
-        The exit status 0.
-
-    Raises:
-        ValueError, OSError: On bad input; the message is for the person who gave it.
-    """
+    """Learns colors from example images, and tells what came out."""
     rig, solid = LoadRig(options.rig), LoadTarget(options.target)
     out = Path(options.out)
     picture = out.with_suffix(".png")

@@ -48,17 +48,7 @@ _log = logging.getLogger("mffdrake")
 
 
 def RunTrack(options: argparse.Namespace) -> int:
-    """Tracks a solid through images, writes its poses and tells what came out.
-
-    Args:
-        options: What the command line's parser made of the arguments.
-
-    Returns:
-        The exit status 0.
-
-    Raises:
-        ValueError, OSError: On bad input; what was tracked until then is written.
-    """
+    """Tracks a solid through images, writes its poses and tells what came out."""
     tracker = _MakeTracker(options)
     matcher = tracker.ga.matcher
     given = ImagesByCamera("NAME=SOURCE", options.images)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from mffdrake.experiment.paper.study import At, AtRest, Study, Table, Variant
-from mffdrake.experiment.paper.texts import TEXTS
 from mffdrake.experiment.scenario.scenario import METHODS, ScenarioError
+from mffdrake.recognition.parameters.yaml_text import ReadYaml
 
 __all__ = ["FEW_SEEDS", "PAPER_OMEGAS", "PLAIN_GA", "MakeStudies"]
 
@@ -17,22 +18,15 @@ FEW_SEEDS = 5
 """The studies beyond the paper's table have at most so many seeds."""
 
 PLAIN_GA = """
-recognizer:
-  survivor_share: 0.5
-  local_share: 0
-  newcomer_share: 0
-  first_candidates: 1
-  average_best: false
-  start: near_target
-  sampling: {margin: null, strip_offsets: [0.006]}
-  matching: {min_border_distance: 0, min_cosine: 0.02}
+recognizer: {
+  survivor_share: 0.5, local_share: 0, newcomer_share: 0, first_candidates: 1, average_best: false,
+  start: near_target, sampling: {margin: null, strip_offsets: [0.006]},
+  matching: {min_border_distance: 0, min_cosine: 0.02}}
 """
 """The paper's own GA, as a scenario text: survivors and crossover children alone, its points."""
 
 _FRAME, _FAST = 0.033, PAPER_OMEGAS[-1]
-_REFINED = "{recognizer: {refinement: borders}}"
-_VTK = "renderer: vtk"
-_MFF = At("mff", _FAST)
+_REFINED, _VTK, _MFF = "recognizer: {refinement: borders}", "renderer: vtk", At("mff", _FAST)
 
 
 def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> tuple[Study, ...]:
@@ -56,11 +50,9 @@ def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> 
         31
     """
     if seeds < 1 or vtk_seeds < 0:
-        raise ScenarioError(
-            f"seeds must be at least 1 and vtk_seeds at least 0, not {seeds} and {vtk_seeds}"
-        )
-    if short:
-        seeds, vtk_seeds = 1, 0
+        wanted = "seeds must be at least 1 and vtk_seeds at least 0"
+        raise ScenarioError(f"{wanted}, not {seeds} and {vtk_seeds}")
+    seeds, vtk_seeds = (1, 0) if short else (seeds, vtk_seeds)
     few, paper = min(seeds, FEW_SEEDS), PAPER_OMEGAS
     latencies = (("known", "null"), ("ignored", "0.0"))
     studies = {
@@ -94,11 +86,12 @@ def MakeStudies(seeds: int = 20, *, vtk_seeds: int = 5, short: bool = False) -> 
             for n in (0.0, 0.005, 0.01, 0.02, 0.05, 0.1)]),
         "faster": (few, Table(omegas=(2 * _FAST, 4 * _FAST))),
     }  # fmt: skip
+    texts = ReadYaml(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+    chosen = {name: study for name, study in studies.items() if not short or name in _SHORT}
     return tuple(
-        Study(name, *TEXTS[name], _Shortened(name, variants) if short else tuple(variants), count)
-        for name, (count, variants) in studies.items()
-        if count and (not short or name in _SHORT)
-    )
+        Study(name, variants=_Chosen(name, variants, short), seeds=count, **texts[name])
+        for name, (count, variants) in chosen.items() if count
+    )  # fmt: skip
 
 
 # What remains of the studies in short ones: the variants of these curves with these values.
@@ -110,9 +103,9 @@ _SHORT: dict[str, tuple[Sequence[str], Sequence[float]]] = {
 }  # fmt: skip
 
 
-def _Shortened(name: str, variants: Sequence[Variant]) -> tuple[Variant, ...]:
-    curves, values = _SHORT[name]
-    return tuple(one for one in variants if one.curve in curves and one.value in values)
+def _Chosen(name: str, all_: Sequence[Variant], short: bool) -> tuple[Variant, ...]:
+    curves, values = _SHORT.get(name, ((), ()))
+    return tuple(v for v in all_ if not short or (v.curve in curves and v.value in values))
 
 
 def _Late(frames: int, known: str) -> str:

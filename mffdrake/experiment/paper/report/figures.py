@@ -32,13 +32,7 @@ _DODGE = 0.13  # Between the points of one speed, whose distance is 1.
 
 
 def ShownWindow(summary: Sequence[Group]) -> str:
-    """Which frames to show where the search at the start is not the question.
-
-    Args:
-        summary: See `Summarize`.
-
-    Returns:
-        ``settled``, or ``all`` where the runs are too short for that.
+    """Which frames to show: ``settled`` ones, or ``all`` where the runs are too short for that.
 
     Example:
         >>> ShownWindow([])
@@ -105,14 +99,7 @@ _SOURCES = {"paper": "the paper", "near": "start near the target", "random": "ra
 
 
 def PlotStudies(summary: Sequence[Group]) -> Figure:
-    """What the position error depends on, a panel for each question.
-
-    Args:
-        summary: See `Summarize`.
-
-    Returns:
-        The figure: medians with quartiles on a logarithmic axis, the fixed camera's as a line.
-    """
+    """What the position error depends on, a panel for each question: medians with quartiles."""
     window = ShownWindow(summary)
     figure, axes = NewFigure(2, 3, (13.0, 7.2))
     panels: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (

@@ -1,4 +1,4 @@
-"""The report's tables, and what they say in short, as Markdown."""
+"""The report's tables, and what they say in short, as Markdown. A summary is of `Summarize`."""
 
 from __future__ import annotations
 
@@ -87,10 +87,6 @@ def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: b
 def StudyTable(summary: Sequence[Group], study: Study) -> str:
     """One line for each of a study's variants.
 
-    Args:
-        summary: See `Summarize`.
-        study: The study.
-
     Returns:
         The table: mean fitness, position and rotation error with quartiles, the other figures that
         every table shows, number of seeds, and why there are no numbers where there are none.
@@ -126,14 +122,7 @@ def _Shown(column: Column, group: Group, window: str) -> str:
 
 
 def OscillationTable(reproduction: Reproduction) -> str:
-    """How the hand swings sideways about its path, at each speed.
-
-    Args:
-        reproduction: What came out.
-
-    Returns:
-        The table, of `FitOscillation` of x, actual minus desired.
-    """
+    """How the hand swings sideways about its path: `FitOscillation` of x, actual minus desired."""
     header = [
         "omega [rad/s]", "frequency [Hz]", "decay to 1/e [s]", "damping ratio",
         "amplitude at 0 s [mm]", "amplitude at 30 s [mm]", "share explained",
@@ -172,14 +161,7 @@ def _Ratio(
 
 
 def InvarianceTable(summary: Sequence[Group]) -> str:
-    """How the position error grows with the hand's speed, ours and the paper's.
-
-    Args:
-        summary: See `Summarize`.
-
-    Returns:
-        The table; the fixed camera's error stands beside.
-    """
+    """How the position error grows with the hand's speed: ours, the paper's, a fixed camera's."""
     window = ShownWindow(summary)
     rows = []
     for study, start in (
@@ -208,14 +190,7 @@ def _Number(value: float | None) -> str:
 
 
 def SummaryLines(summary: Sequence[Group]) -> Iterator[str]:
-    """What agrees with the paper and what does not, from the numbers alone.
-
-    Args:
-        summary: See `Summarize`.
-
-    Yields:
-        Sentences.
-    """
+    """Sentences: what agrees with the paper and what does not, from the numbers alone."""
     for study, start in (("near", "a start near the target"), ("random", "a random start")):
         cells = [
             (omega, cell, ours, QuartilesOf(group, cell, "settled"))
