@@ -27,7 +27,6 @@ from .experiment.runs.grid import LoadGrid as LoadGrid
 from .experiment.runs.grid import MakeGrid as MakeGrid
 from .experiment.runs.pictures import PlotComparison as PlotComparison
 from .experiment.runs.pictures import PlotErrors as PlotErrors
-from .experiment.runs.store import MemoryStore as MemoryStore
 from .experiment.runs.store import RunStore as RunStore
 from .experiment.runs.sweep import Sweep as Sweep
 from .experiment.runs.table import MarkdownTable as MarkdownTable

@@ -76,9 +76,6 @@ def ImagesByCamera(form: str, values: Sequence[str]) -> dict[str, str]:
 def LoadTarget(path: Path | str) -> SolidModel:
     """The colored solid of a mesh file.
 
-    Args:
-        path: The file.
-
     Raises:
         ArgumentsError: When it is no closed solid with a hue on every face.
         OSError: When there is no such file.
@@ -138,7 +135,6 @@ def ReadScenario(options: argparse.Namespace) -> Scenario:
 
     Raises:
         ScenarioError: When a key is unknown or a value is wrong.
-        OSError: When the file cannot be read.
     """
     defaults = ServoDefaults() if options.command == "servo" else None
     scenario = LoadScenario(options.scenario_file, options.scenario_text, defaults=defaults)

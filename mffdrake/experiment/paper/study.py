@@ -184,7 +184,6 @@ def RunStudies(
         ScenarioError: When a scenario is wrong.
         StoreError: When the folder's store cannot be used.
         ClusterError: When the cluster cannot be reached (any more).
-        OSError: When a file cannot be written.
     """
     plan, store = PlanRuns(studies, base), RunStore(MakeOutputFolder(folder) / STORE_NAME)
     ended = RunPlan(plan, store, executor=executor, on_run=on_run)

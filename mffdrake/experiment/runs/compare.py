@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mffdrake.experiment.runs.engine import EndedRun, PlannedRun, RunPlan
 from mffdrake.experiment.runs.executors.executors import Executor, InProcess
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
-from mffdrake.experiment.runs.store import STORE_NAME, MemoryStore, RunStore
+from mffdrake.experiment.runs.store import STORE_NAME, RunStore
 from mffdrake.experiment.scenario.scenario import Change, Scenario
 from mffdrake.experiment.simulation.simulation import SimulationResult
 from mffdrake.recognition.recordings.files import MakeOutputFolder
@@ -81,6 +82,7 @@ def Compare(
     plan = [PlannedRun(scenario=scenario, keeps_frames=True) for scenario in scenarios]
     count = min(workers, len(plan))
     executor = executor or (LocalProcesses(count) if count > 1 else InProcess())
-    store = MemoryStore() if folder is None else RunStore(MakeOutputFolder(folder) / STORE_NAME)
-    ended = RunPlan(plan, store, executor=executor, on_run=Tell)
+    with tempfile.TemporaryDirectory() as forgotten:
+        store = RunStore(MakeOutputFolder(folder or forgotten) / STORE_NAME)
+        ended = RunPlan(plan, store, executor=executor, on_run=Tell)
     return [run.frames for run in ended if run.frames is not None]

@@ -10,7 +10,7 @@ from typing import Any
 
 from mffdrake.experiment.runs.executors.executors import Executor
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
-from mffdrake.experiment.runs.store import CodeFingerprint, Record, RunKey, Store
+from mffdrake.experiment.runs.store import CodeFingerprint, Record, RunKey, RunStore
 from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
@@ -99,7 +99,7 @@ def _Plain(label: Any) -> Any:
 
 def RunPlan(
     plan: Sequence[PlannedRun],
-    store: Store,
+    store: RunStore,
     *,
     executor: Executor | None = None,
     on_run: Callable[[EndedRun], None] | None = None,
@@ -111,7 +111,7 @@ def RunPlan(
 
     Args:
         plan: The runs.
-        store: Where runs are kept: a `RunStore`, or a `MemoryStore` for this process alone.
+        store: Where runs are kept.
         executor: Where to run; processes of this machine, one a core, by default.
         on_run: Called for every distinct run that has ended; what it raises ends the plan.
 
@@ -123,12 +123,13 @@ def RunPlan(
         ClusterError: When the cluster cannot be reached (any more).
 
     Example:
+        >>> import tempfile
         >>> from mffdrake.experiment.runs.executors.executors import InProcess
-        >>> from mffdrake.experiment.runs.store import MemoryStore
         >>> from mffdrake.experiment.scenario.scenario import LoadScenario
         >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
         >>> plan = [PlannedRun(scenario=short, labels={"name": "first"})]
-        >>> ended = RunPlan(plan, MemoryStore(), executor=InProcess())
+        >>> store = RunStore(f"{tempfile.mkdtemp()}/runs.sqlite")
+        >>> ended = RunPlan(plan, store, executor=InProcess())
         >>> row = ended[0].Row()
         >>> row["name"], row["status"], row["frames"]
         ('first', 'done', 4)
@@ -161,12 +162,8 @@ def RunPlan(
     return [dc.replace(found[run.scenario.fingerprint], run=run) for run in plan]
 
 
-def KeptRuns(plan: Sequence[PlannedRun], store: Store) -> list[EndedRun | None]:
+def KeptRuns(plan: Sequence[PlannedRun], store: RunStore) -> list[EndedRun | None]:
     """What a store has of a plan, run by this very code.
-
-    Args:
-        plan: The runs.
-        store: The store.
 
     Returns:
         What became of each run; None where nothing did yet.
@@ -193,12 +190,8 @@ def SimulateInWorker(scenario: Scenario, code: str) -> SimulationResult:
         scenario: The scenario.
         code: The asking process's `CodeFingerprint`.
 
-    Returns:
-        The record.
-
     Raises:
         OtherCodeError: When the worker's code is another one.
-        ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
     """
     own = CodeFingerprint()
     if code != own:

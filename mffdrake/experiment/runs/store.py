@@ -13,7 +13,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.simulation.simulation import SimulationResult
@@ -23,11 +23,9 @@ from mffdrake.systems.arms.models import FindModelsPath
 __all__ = [
     "STORE_NAME",
     "CodeFingerprint",
-    "MemoryStore",
     "Record",
     "RunKey",
     "RunStore",
-    "Store",
     "StoreError",
 ]
 
@@ -114,10 +112,6 @@ class Record:
 def RunKey(scenario: Scenario, code: str) -> str:
     """What a run is found by again.
 
-    Args:
-        scenario: The scenario.
-        code: See `CodeFingerprint`.
-
     Returns:
         A hash of both.
 
@@ -126,55 +120,6 @@ def RunKey(scenario: Scenario, code: str) -> str:
         False
     """
     return hashlib.sha256(f"{code}\n{scenario.fingerprint}".encode()).hexdigest()
-
-
-class Store(Protocol):
-    """Keeps runs by their `RunKey`; see `RunStore`."""
-
-    def Get(self, keys: list[str]) -> dict[str, Record]:
-        """The runs that are there."""
-        ...
-
-    def Frames(self, key: str) -> SimulationResult | None:
-        """A run's frames; None where they are not kept."""
-        ...
-
-    def Put(
-        self,
-        key: str,
-        scenario: str,
-        code: str,
-        record: Record,
-        frames: SimulationResult | None = None,
-    ) -> None:
-        """Keeps a run."""
-        ...
-
-
-class MemoryStore:
-    """Keeps nothing beyond this object's life."""
-
-    def __init__(self) -> None:
-        self._runs: dict[str, tuple[Record, SimulationResult | None]] = {}
-
-    def Get(self, keys: list[str]) -> dict[str, Record]:
-        """See `RunStore`."""
-        return {key: self._runs[key][0] for key in keys if key in self._runs}
-
-    def Frames(self, key: str) -> SimulationResult | None:
-        """See `RunStore`."""
-        return self._runs[key][1]
-
-    def Put(
-        self,
-        key: str,
-        scenario: str,
-        code: str,
-        record: Record,
-        frames: SimulationResult | None = None,
-    ) -> None:
-        """See `RunStore`."""
-        self._runs[key] = (record, frames)
 
 
 class RunStore:
@@ -216,9 +161,6 @@ class RunStore:
     def Get(self, keys: list[str]) -> dict[str, Record]:
         """The runs that are there.
 
-        Args:
-            keys: See `RunKey`.
-
         Returns:
             Their records by key, without those that are not there.
 
@@ -237,11 +179,7 @@ class RunStore:
         return records
 
     def Frames(self, key: str) -> SimulationResult | None:
-        """A run's frames; None where they are not kept, or damaged.
-
-        Args:
-            key: See `RunKey`.
-        """
+        """A run's frames; None where they are not kept, or damaged."""
         with contextlib.suppress(OSError, ValueError):
             return SimulationResult.Load(self._FramesPath(key))
         return None

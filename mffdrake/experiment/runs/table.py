@@ -283,9 +283,6 @@ def WriteTable(table: pa.Table, path: Path) -> None:
     Args:
         table: See `MakeTable`.
         path: The file; its suffix is one of `FORMATS`.
-
-    Raises:
-        OSError: When it cannot be written.
     """
     from pyarrow import csv, parquet
 
@@ -300,9 +297,6 @@ def WriteRows(rows: Sequence[dict[str, Any]], path: Path) -> None:
     Args:
         rows: The rows; a figure that a row lacks is left empty.
         path: See `WriteTable`.
-
-    Raises:
-        OSError: When it cannot be written.
     """
     WriteTable(_Arrow([FlattenRow(row) for row in rows], {}), path)
 
@@ -313,9 +307,6 @@ def WriteJson(data: dict[str, Any], path: Path) -> None:
     Args:
         data: What can be written as JSON.
         path: The file.
-
-    Raises:
-        OSError: When it cannot be written.
     """
     with WholeFile(path) as part:
         text = json.dumps({**data, "versions": Versions()}, indent=2)

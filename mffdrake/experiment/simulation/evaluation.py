@@ -288,11 +288,7 @@ def FlattenRow(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def IsRight(result: SimulationResult) -> Mask:
-    """Which frames' poses are right: to 5 mm and 1 deg, shape (K,).
-
-    Args:
-        result: A simulation's record.
-    """
+    """Which frames' poses are right: to 5 mm and 1 deg, shape (K,)."""
     distances, angles = pose_errors(result.true_pose, result.recognized_pose)
     return (distances <= RIGHT_POSITION) & (angles <= RIGHT_ROTATION)
 

@@ -140,9 +140,6 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
 def PlotFollowing(result: SimulationResult) -> Figure:
     """The target's pose in the camera over time: true, recognized and wanted.
 
-    Args:
-        result: A simulation's record.
-
     Returns:
         The figure: six panels over time.
     """
@@ -170,9 +167,6 @@ def PlotFollowing(result: SimulationResult) -> Figure:
 def PlotHandError(result: SimulationResult) -> Figure:
     """The hand's and the recognition's errors over time.
 
-    Args:
-        result: A simulation's record.
-
     Returns:
         The figure: distances above, angles below, with logarithmic scales.
     """
@@ -199,9 +193,6 @@ def PlotHandError(result: SimulationResult) -> Figure:
 
 def PlotSpace(result: SimulationResult) -> Figure:
     """The hand's paths in space, desired and actual.
-
-    Args:
-        result: A simulation's record.
 
     Returns:
         The figure: from above and from the side, in the first hand frame.
@@ -254,8 +245,5 @@ def PlotToFile(plot: Callable[..., Figure], data: object, path: Path | str) -> N
         plot: One of this module's functions that make a figure.
         data: What it plots.
         path: See `SaveFigure`.
-
-    Raises:
-        OSError: When it cannot be written.
     """
     SaveFigure(plot(data), path)

@@ -33,9 +33,6 @@ def OutageEnd(scenario: Scenario) -> float | None:
 
     Outages are images that are frozen or black, and a plate that passes by once.
 
-    Args:
-        scenario: The scenario.
-
     Returns:
         The time [s]; None where there is no outage.
 
@@ -111,9 +108,6 @@ def CalcHandErrors(result: SimulationResult, scenario: Scenario) -> tuple[Array,
 
 def FindLoss(result: SimulationResult) -> float | None:
     """When the target was lost [s]: a recognized pose that has nothing to do with it for a second.
-
-    Args:
-        result: A simulation's record.
 
     Returns:
         When that began first; None where it never did.

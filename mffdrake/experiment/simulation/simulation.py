@@ -74,14 +74,7 @@ class SimulationResult:
     symmetries: str = "none"
 
     def Save(self, path: Path | str) -> None:
-        """Writes everything as an NPZ file, whole or not at all.
-
-        Args:
-            path: The file.
-
-        Raises:
-            OSError: When it cannot be written.
-        """
+        """Writes everything as an NPZ file, whole or not at all."""
         values = {field.name: getattr(self, field.name) for field in dc.fields(self)}
         stages = values.pop("stages_ms")
         names, means = np.array(list(stages)), np.array(list(stages.values()))
@@ -93,11 +86,7 @@ class SimulationResult:
     def Load(cls, path: Path | str) -> SimulationResult:
         """Reads what `Save` wrote.
 
-        Args:
-            path: The file.
-
         Raises:
-            OSError: When it cannot be read.
             ValueError: When it is not such a file.
         """
         try:

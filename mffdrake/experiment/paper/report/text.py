@@ -38,9 +38,6 @@ def MakeText(
         summary: See `Summarize`.
         pictures: Names of the pictures that there are; others are not mentioned.
 
-    Returns:
-        The text.
-
     Example:
         >>> nothing = Reproduction(studies=(), rows=(), records={})
         >>> MakeText(nothing, [], []).splitlines()[0]

@@ -58,9 +58,6 @@ def MakeMounts(scenario: Scenario) -> tuple[Mount, ...]:
     Args:
         scenario: Its ``cameras`` count or, where there are none, its ``camera``.
 
-    Returns:
-        The cameras.
-
     Raises:
         ScenarioError: When a camera is not on the hand's body, or its principal point is outside
             its image.
@@ -131,29 +128,14 @@ def _CalcPlaces(scenario: Scenario, cameras: Sequence[HandCameraConfig]) -> list
 def MakeRig(scenario: Scenario) -> CameraRig:
     """The cameras as they are.
 
-    Args:
-        scenario: See `MakeMounts`.
-
     Returns:
         The rig, whose frame is the first camera's.
-
-    Raises:
-        ScenarioError: See `MakeMounts`.
     """
     return CameraRig(tuple(mount.camera for mount in MakeMounts(scenario)))
 
 
 def MakeKnownRig(scenario: Scenario) -> CameraRig:
     """The cameras as the recognizer knows them.
-
-    Args:
-        scenario: Its ``calibration`` counts, too.
-
-    Returns:
-        The rig.
-
-    Raises:
-        ScenarioError: See `MakeMounts`.
 
     Example:
         >>> from mffdrake.experiment.scenario.scenario import LoadScenario
@@ -178,9 +160,6 @@ def MakeKnownRig(scenario: Scenario) -> CameraRig:
 def CalcKnownX_EC(scenario: Scenario) -> RigidTransform:
     """The first camera's pose on the hand as the motion feedforward knows it.
 
-    Args:
-        scenario: Its ``predictor`` counts, too.
-
     Returns:
         The pose X_EC (translation in m).
     """
@@ -196,9 +175,6 @@ def AddFrames(plant: MultibodyPlant, arm: ModelInstanceIndex, scenario: Scenario
         plant: The plant with the arm, not finalized.
         arm: The arm.
         scenario: The scenario.
-
-    Raises:
-        ScenarioError: See `MakeMounts`.
     """
     hand = plant.GetFrameByName(scenario.arm.hand_frame, arm)
     for mount in MakeMounts(scenario):

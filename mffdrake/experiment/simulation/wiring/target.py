@@ -32,11 +32,7 @@ _log = logging.getLogger("mffdrake")
 
 
 def AddScenarioTarget(scene_graph: SceneGraph, scenario: Scenario) -> Target:
-    """Adds a scenario's target to a scene.
-
-    Raises:
-        ScenarioError: See `AddTarget`.
-    """
+    """Adds a scenario's target to a scene."""
     try:
         target = AddTarget(scene_graph, scenario.target.model, renderer=scenario.renderer)
     except TargetError as error:
@@ -47,14 +43,8 @@ def AddScenarioTarget(scene_graph: SceneGraph, scenario: Scenario) -> Target:
 def ReadScenarioMesh(scenario: Scenario) -> ColoredMesh:
     """What is drawn of a scenario's target, found without building the rest.
 
-    Args:
-        scenario: Its ``target`` counts.
-
     Returns:
         The mesh in the target's frame M.
-
-    Raises:
-        ScenarioError: See `AddTarget`.
 
     Example:
         >>> ReadScenarioMesh(Scenario()).triangles.shape
@@ -65,9 +55,6 @@ def ReadScenarioMesh(scenario: Scenario) -> ColoredMesh:
 
 def LoadSolid(mesh: ColoredMesh) -> SolidModel:
     """The colored solid of the target's mesh.
-
-    Args:
-        mesh: The mesh.
 
     Returns:
         The solid, in the target's frame M.
