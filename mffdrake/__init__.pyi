@@ -1,5 +1,3 @@
-from .experiment.paper.oscillation import FitOscillation as FitOscillation
-from .experiment.paper.oscillation import Oscillation as Oscillation
 from .experiment.paper.paper_numbers import PAPER as PAPER
 from .experiment.paper.paper_numbers import InvarianceRatio as InvarianceRatio
 from .experiment.paper.paper_numbers import Verdict as Verdict
@@ -110,6 +108,8 @@ from .systems.cameras.rig_file import LoadRig as LoadRig
 from .systems.cameras.rig_file import RigError as RigError
 from .systems.cameras.stereo_camera import AddStereoCamera as AddStereoCamera
 from .systems.control.joint_encoders import JointEncoders as JointEncoders
+from .systems.control.oscillation import FitOscillation as FitOscillation
+from .systems.control.oscillation import Oscillation as Oscillation
 from .systems.control.pd_controller import AddComputedTorque as AddComputedTorque
 from .systems.control.pd_controller import AddGravityCompensation as AddGravityCompensation
 from .systems.control.pd_controller import PdController as PdController

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mffdrake.experiment.paper.oscillation import FitOscillation, Oscillation
+from mffdrake.systems.control.oscillation import FitOscillation, Oscillation
 
 TIME = 0.033 * np.arange(1213)
 

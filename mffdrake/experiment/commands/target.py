@@ -8,8 +8,8 @@ import json
 import logging
 import math
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,7 +22,8 @@ from mffdrake.experiment.commands.arguments import (
     SplitArguments,
 )
 from mffdrake.experiment.simulation.plotting import SaveFigure
-from mffdrake.recognition import CameraRig, ColorModel, Matcher, SearchModel, SolidModel
+from mffdrake.recognition import CameraRig, ColorModel, SearchModel, SolidModel
+from mffdrake.recognition.fitness.advice import describe_target
 from mffdrake.recognition.recordings.color_file import DumpColors, LearnColors, MasksOfPose
 from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 from mffdrake.recognition.recordings.image_files import ReadImage, ReadMask, SaveImage
@@ -31,7 +32,7 @@ from mffdrake.recognition.solid.symmetry import Symmetries, find_symmetries
 from mffdrake.recognition.visibility.portrait import Portrait
 from mffdrake.systems.cameras.rig_file import LoadRig
 
-__all__ = ["DescribeTarget", "PlotTarget", "RunColors", "RunTarget"]
+__all__ = ["PlotTarget", "RunColors", "RunTarget"]
 
 Array = NDArray[np.float64]
 
@@ -50,9 +51,9 @@ def RunTarget(options: argparse.Namespace) -> int:
     """Draws a mesh as the recognizer knows it, and says what it makes of it."""
     solid = LoadTarget(options.mesh)
     model = SearchModel(solid)
-    told = DescribeTarget(model)
+    told = describe_target(model)
     folder = MakeOutputFolder(options.out)
-    SaveFigure(PlotTarget(model), folder / "target.png")
+    SaveFigure(PlotTarget(model, told["warnings"]), folder / "target.png")
     with WholeFile(folder / "target.json") as part:
         part.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     size = " x ".join(f"{1e3 * side:.3g}" for side in told["size_m"])
@@ -71,79 +72,12 @@ def RunTarget(options: argparse.Namespace) -> int:
     return 0
 
 
-def DescribeTarget(model: SearchModel) -> dict[str, Any]:
-    """What the recognizer makes of a solid.
-
-    Args:
-        model: The sampled solid.
-
-    Returns:
-        Sizes, numbers of parts, colors, symmetries and warnings, as plain data.
-    """
-    solid = model.solid
-    of = solid.material_numbers
-    colors = [
-        {
-            "name": name,
-            "hue_deg": math.degrees(solid.hues[of == k][0]),
-            "area_m2": float(solid.areas[of == k].sum()),
-        }
-        for k, name in enumerate(solid.material_names)
-    ]
-    return {
-        "size_m": np.ptp(solid.vertices, axis=0).tolist(),
-        "triangles": len(solid.triangles), "faces": len(solid.faces), "edges": len(solid.edges),
-        "curved_surfaces": int((np.bincount(solid.patches) > 1).sum()),
-        "convex": solid.is_convex, "colors": colors,
-        "inside_points": len(model.inside_points), "edge_points": len(model.edge_points),
-        "symmetries": str(find_symmetries(solid)), "warnings": _Warnings(model),
-    }  # fmt: skip
-
-
-def _Warnings(model: SearchModel) -> list[str]:
-    """What will make it hard to recognize."""
-    solid, names, found = model.solid, model.solid.material_names, []
-    side = float(np.ptp(solid.vertices, axis=0).max())
-    if not _SIZES[0] <= side <= _SIZES[1]:
-        unit = "millimeters" if side > _SIZES[1] else "other units"
-        found.append(
-            f"it is {side:g} m long, so the mesh is probably in {unit}: meshes are in meters; "
-            "scale its vertices"
-        )
-    rig = CameraRig.stereo()
-    alike = Matcher(model, rig).colors.alike(names)
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            if alike[i, j]:
-                found.append(
-                    f"the hues of {names[i]} and {names[j]} overlap: borders between them are "
-                    "not seen; take hues at least 40 deg apart"
-                )
-    if len(names) == 1:
-        found.append("it has one color alone: only its silhouette tells its pose")
-    areas = np.bincount(solid.patches, solid.areas)
-    small = np.flatnonzero(np.sqrt(areas) * rig.cameras[0].fx / _DISTANCE < _LEAST_PIXELS)
-    if len(small):
-        faces = [int(np.flatnonzero(solid.patches == patch)[0]) for patch in small[:_MOST_NAMED]]
-        named = [
-            "face {} ({}) at ({:.3g}, {:.3g}, {:.3g}) m".format(
-                face, solid.materials[face], *(solid.centers[face] + 0.0)
-            )
-            for face in faces
-        ]
-        named += ["..."] if len(small) > _MOST_NAMED else []
-        found.append(
-            f"{len(small)} of {len(areas)} surfaces are less than {_LEAST_PIXELS:g} pixels wide "
-            f"from {_DISTANCE} m and hardly count: {', '.join(named)}"
-        )
-    return found
-
-
-def PlotTarget(model: SearchModel) -> Figure:
+def PlotTarget(model: SearchModel, warnings: Sequence[str]) -> Figure:
     """A solid from four sides: its colors, edges, inside points and the axes of its symmetries.
 
     Args:
         model: The sampled solid.
+        warnings: What stands above.
     """
     figure = Figure(figsize=(9.0, 10.0), layout="constrained")
     symmetries = find_symmetries(model.solid)
@@ -158,7 +92,7 @@ def PlotTarget(model: SearchModel) -> Figure:
             axes.plot(x, -y, style, color="0.4" if style == "--" else "black", markersize=2.0)
         axes.set(xlim=(-half, half), ylim=(-half, half), xlabel="across, about [mm]")
         axes.set_title("from ({:g}, {:g}, {:g})".format(*direction))
-    lines = [f"Symmetries: {symmetries}", *(f"Warning: {text}" for text in _Warnings(model))]
+    lines = [f"Symmetries: {symmetries}", *(f"Warning: {text}" for text in warnings)]
     text = "\n".join(textwrap.fill(line, 110) for line in lines)
     figure.suptitle(text, fontsize="medium", ha="left", x=0.02)
     return figure

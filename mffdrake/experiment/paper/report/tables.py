@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 from collections.abc import Iterator, Sequence
 
-from mffdrake.experiment.paper.oscillation import FitOscillation
 from mffdrake.experiment.paper.paper_numbers import (
     CELLS,
     PAPER,
@@ -19,6 +18,7 @@ from mffdrake.experiment.paper.study import FindGroup, QuartilesOf, Reproduction
 from mffdrake.experiment.runs.table import SHOWN, Group, Markdown, Quartiles
 from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Column
 from mffdrake.experiment.simulation.style import METHOD_NAMES
+from mffdrake.systems.control.oscillation import FitOscillation
 
 __all__ = [
     "INVARIANCE_LIMIT",
