@@ -8,13 +8,10 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
+from mffdrake.experiment.runs.store import Versions
 from mffdrake.experiment.runs.table import GroupRows, MarkdownTable, WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import LoadScenario
-from mffdrake.experiment.simulation.evaluation import (
-    SETTLED_AFTER,
-    Evaluate,
-    Versions,
-)
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Evaluate
 from mffdrake.experiment.simulation.recovery import RECOVERY
 from mffdrake.experiment.simulation.simulation import SimulationResult
 

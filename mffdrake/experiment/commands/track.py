@@ -20,7 +20,6 @@ from mffdrake.experiment.commands.arguments import (
 )
 from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.runs.table import WriteJson, WriteRows
-from mffdrake.experiment.scenario.scenario import LoadRecognizer
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
 from mffdrake.recognition import PoseTracker, TrackerParameters
 from mffdrake.recognition.recordings.color_file import LoadColors
@@ -129,7 +128,7 @@ def _ReadRecognizer(given: str) -> TrackerParameters:
     """The section of a scenario, from a file or from YAML."""
     if _IsFile(given):
         try:
-            return LoadRecognizer(Path(given).read_text(encoding="utf-8"))
+            return TrackerParameters.read(Path(given).read_text(encoding="utf-8"))
         except ValueError as error:
             text = "not a text file in UTF-8" if isinstance(error, UnicodeError) else str(error)
             raise ArgumentsError(f"{given}: {text}") from error
@@ -137,7 +136,7 @@ def _ReadRecognizer(given: str) -> TrackerParameters:
         raise ArgumentsError(
             f"--recognizer {given}: no such file, and no YAML such as '{{refinement: borders}}'"
         )
-    return LoadRecognizer(given)
+    return TrackerParameters.read(given)
 
 
 def _IsFile(text: str) -> bool:

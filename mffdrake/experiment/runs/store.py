@@ -27,6 +27,7 @@ __all__ = [
     "RunKey",
     "RunStore",
     "StoreError",
+    "Versions",
 ]
 
 _APPLICATION_ID = 0x6D666673  # Says in the file's header that it is ours.
@@ -58,6 +59,11 @@ STORE_NAME = "runs.sqlite"
 """The file in a folder of results that keeps the runs."""
 
 _FRAMES = "records"
+
+
+def Versions() -> dict[str, str]:
+    """Versions of what the numbers depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
 
 
 @functools.cache

@@ -11,13 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
-from mffdrake.experiment.simulation.evaluation import (
-    COLUMNS,
-    SETTLED_AFTER,
-    Column,
-    FlattenRow,
-    Versions,
-)
+from mffdrake.experiment.runs.store import Versions
+from mffdrake.experiment.simulation.evaluation import COLUMNS, SETTLED_AFTER, Column, FlattenRow
 from mffdrake.recognition.recordings.files import WholeFile
 
 if TYPE_CHECKING:

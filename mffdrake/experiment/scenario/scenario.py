@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses as dc
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from annotated_types import MinLen
 
@@ -42,9 +42,7 @@ from mffdrake.systems.clutter import Clutter
 from mffdrake.systems.disturbances import Disturbance
 from mffdrake.systems.timing import Timing
 
-__all__ = ["METHODS", "Change", "LoadRecognizer", "LoadScenario", "Scenario", "ScenarioError"]
-
-_T = TypeVar("_T")
+__all__ = ["METHODS", "Change", "LoadScenario", "Scenario", "ScenarioError"]
 
 
 class ScenarioError(ParameterError):
@@ -186,27 +184,6 @@ def LoadScenario(
     return scenario
 
 
-def LoadRecognizer(text: str) -> TrackerParameters:
-    """Reads a scenario's section ``recognizer`` by itself.
-
-    Args:
-        text: YAML with the section's keys.
-
-    Returns:
-        The section. Its search range may lie anywhere, as a rig's frame may.
-
-    Raises:
-        ScenarioError: When a key is unknown or a value has the wrong type or range.
-
-    Example:
-        >>> LoadRecognizer("{bits: 14, search_range: {z: [-0.1, 0.2]}}").bits
-        14
-    """
-    return _Read(
-        TrackerParameters, lambda: merge(TrackerParameters(), ReadYaml(text)), "recognizer"
-    )
-
-
 def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """A scenario with other values.
 
@@ -235,12 +212,7 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         for section in sections:
             inner = inner.setdefault(section, {})
         inner[name] = value
-    return _Read(Scenario, lambda: merge(scenario, nested))
-
-
-def _Read(cls: type[_T], data: Callable[[], Any], where: str = "") -> _T:
-    """`read_parameters` for what stands in a scenario."""
     try:
-        return read_parameters(cls, data(), where)
+        return read_parameters(Scenario, merge(scenario, nested))
     except ParameterError as error:
         raise ScenarioError(str(error)) from error

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
-from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +33,6 @@ __all__ = [
     "Evidence",
     "FlattenRow",
     "IsRight",
-    "Versions",
 ]
 
 Array = NDArray[np.float64]
@@ -48,8 +45,6 @@ _HAND_SETTLED_AFTER = 10.0  # [s] A hand that follows takes longer.
 
 RMS_ERRORS = ("x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3", "position_mm", "rotation_deg")
 """Names of the root-mean-square errors: position [mm], quaternion [-], distance, angle."""
-
-_PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 
 
 class Evidence:
@@ -291,8 +286,3 @@ def IsRight(result: SimulationResult) -> Mask:
     """Which frames' poses are right: to 5 mm and 1 deg, shape (K,)."""
     distances, angles = pose_errors(result.true_pose, result.recognized_pose)
     return (distances <= RIGHT_POSITION) & (angles <= RIGHT_ROTATION)
-
-
-def Versions() -> dict[str, str]:
-    """Versions of what the numbers depend on."""
-    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import gc
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, System
+from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
@@ -21,6 +19,7 @@ from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition.poses.pose import pose_from_transform
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
+from mffdrake.systems.lifetime import FreedDiagram
 
 __all__ = ["STAGES", "Simulate", "SimulationResult"]
 
@@ -138,7 +137,7 @@ def Simulate(
         array([0.   , 0.033, 0.066, 0.099])
     """
     if diagram is None:
-        with _OwnDiagram(scenario) as diagram:
+        with FreedDiagram(MakeHandEyeDiagram(scenario)) as diagram:
             return Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure)
     timing = scenario.timing
     simulator = Simulator(diagram)
@@ -161,33 +160,6 @@ def Simulate(
         if on_frame is not None and on_frame(simulator.get_context().get_time(), recorder.wall_s):
             return recorder.Result(dc.replace(scenario, duration=end))
     return recorder.Result(scenario)
-
-
-@contextmanager
-def _OwnDiagram(scenario: Scenario) -> Iterator[Diagram]:
-    """A diagram that is freed at the end, megabytes at a time.
-
-    Its Python systems and their ports refer to each other. Python's collector sees to that, but
-    for a flaw of Python 3.11 with pydrake's classes, and has no idea how much memory hangs on it.
-    """
-    diagram = MakeHandEyeDiagram(scenario)
-    python_systems = list(_PythonSystems(diagram))
-    try:
-        yield diagram
-    finally:
-        for system in python_systems:
-            vars(system).clear()
-        del diagram, python_systems
-        gc.collect()
-
-
-def _PythonSystems(diagram: Diagram) -> Iterator[System]:
-    """The systems written in Python, also those of diagrams inside."""
-    for system in diagram.GetSystems():
-        if isinstance(system, Diagram):
-            yield from _PythonSystems(system)
-        elif type(system).__module__.partition(".")[0] != "pydrake":
-            yield system
 
 
 def _WarmUp(diagram: Diagram, context: Context) -> None:

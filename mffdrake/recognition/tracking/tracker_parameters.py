@@ -17,7 +17,15 @@ from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters
 from mffdrake.recognition.genetic.starts import NearStart, RandomStart, Start
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
-from mffdrake.recognition.parameters import Count, NonNegative, OneOf, parameters
+from mffdrake.recognition.parameters import (
+    Count,
+    NonNegative,
+    OneOf,
+    merge,
+    parameters,
+    read_parameters,
+)
+from mffdrake.recognition.parameters.yaml_text import ReadYaml
 from mffdrake.recognition.refinement.refinement import (
     BorderRefiner,
     NoRefinement,
@@ -72,6 +80,22 @@ class TrackerParameters(GeneticParameters, GeneCoding):
     sampling: SamplingParameters = dc.field(default_factory=SamplingParameters)
     matching: MatchingParameters = dc.field(default_factory=MatchingParameters)
     local_moves: LocalMoveParameters = dc.field(default_factory=LocalMoveParameters)
+
+    @classmethod
+    def read(cls, text: str) -> TrackerParameters:
+        """Reads a scenario's section ``recognizer`` by itself.
+
+        Args:
+            text: YAML with the section's keys.
+
+        Raises:
+            ParameterError: When a key is unknown or a value has the wrong type or range.
+
+        Example:
+            >>> TrackerParameters.read("{bits: 14, search_range: {z: [-0.1, 0.2]}}").bits
+            14
+        """
+        return read_parameters(cls, merge(cls(), ReadYaml(text)), "recognizer")
 
     def make_tracker(
         self,

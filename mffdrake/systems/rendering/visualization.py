@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 import math
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pydot
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
     Cylinder,
+    FrameId,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
+    QueryObject,
+    RenderCameraCore,
     Rgba,
     SceneGraph,
 )
@@ -21,16 +28,19 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.sensors import CameraInfo
 
+from mffdrake.recognition.camera.cameras import Camera
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 
-__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay"]
+__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView"]
 
 _PUBLISH_PERIOD = 0.033
 _GHOST_SCALE = 1.02  # A little larger than the target, so that their faces do not flicker.
 _GHOST_OPACITY = 0.5
 _AXIS_LENGTH, _AXIS_RADIUS = 0.2, 0.003
+_VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
 class PoseEstimateVisualizer(LeafSystem):
@@ -131,6 +141,75 @@ def AddMeshcat(
     )
     builder.Connect(estimate, ghost.GetInputPort("X_CM"))
     builder.Connect(plant.get_state_output_port(), ghost.GetInputPort("state"))
+
+
+@dc.dataclass(frozen=True)
+class SceneView:
+    """A view V of a whole scene from the side, with the viewing pyramids of its cameras.
+
+    Attributes:
+        width: Image width [px].
+        height: Image height [px].
+        eye: Where the scene is looked at from [m], in the world.
+        look_at: What is in the image's middle [m], in the world.
+        fov_y: Vertical field of view [rad].
+    """
+
+    width: int = 960
+    height: int = 720
+    eye: tuple[float, float, float] = (1.3, -2.6, 1.5)
+    look_at: tuple[float, float, float] = (0.95, 0.0, 0.45)
+    fov_y: float = math.radians(34.0)
+
+    @property
+    def X_WV(self) -> RigidTransform:
+        """Its pose in the world: z forward, x right, y down."""
+        forward = np.subtract(self.look_at, self.eye)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        axes = np.column_stack([right, np.cross(forward, right), forward])
+        return RigidTransform(RotationMatrix(axes / np.linalg.norm(axes, axis=0)), list(self.eye))
+
+    @property
+    def intrinsics(self) -> CameraInfo:
+        """Of its pinhole camera."""
+        return CameraInfo(self.width, self.height, self.fov_y)
+
+    def Render(self, query: QueryObject, world: FrameId, renderer: str) -> NDArray[np.uint8]:
+        """An RGB image, shape (height, width, 3).
+
+        Args:
+            query: Of the scene.
+            world: Its world frame.
+            renderer: The renderer's name there.
+        """
+        core = RenderCameraCore(
+            renderer, self.intrinsics, ClippingRange(0.05, 20.0), RigidTransform()
+        )
+        rendered = query.RenderColorImage(ColorRenderCamera(core, False), world, self.X_WV)
+        image: NDArray[np.uint8] = rendered.data[:, :, :3].copy()
+        return image
+
+    def DrawPyramid(self, image: NDArray[np.uint8], camera: Camera, X_WK: RigidTransform) -> None:
+        """Draws what a camera sees into an image of `Render`.
+
+        Args:
+            image: The image.
+            camera: The camera.
+            X_WK: Its pose in the world.
+        """
+        import cv2
+
+        x = _VIEW_DEPTH * 0.5 * camera.width / camera.fx
+        y = _VIEW_DEPTH * 0.5 * camera.height / camera.fy
+        corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
+        p_K = np.array([[0.0, 0.0, 0.0], *((a, b, _VIEW_DEPTH) for a, b in corners)])
+        X_VK = self.X_WV.InvertAndCompose(X_WK)
+        homogeneous = (X_VK @ p_K.T).T @ self.intrinsics.intrinsic_matrix().T
+        pixels = np.rint(16.0 * homogeneous[:, :2] / homogeneous[:, 2:]).astype(np.int32)
+        color = (255, 255, 160)
+        cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)
+        for corner in pixels[1:]:
+            cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
 
 
 def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:

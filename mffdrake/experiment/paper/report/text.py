@@ -13,8 +13,9 @@ from mffdrake.experiment.paper.report.tables import (
     SummaryLines,
 )
 from mffdrake.experiment.paper.study import Reproduction
+from mffdrake.experiment.runs.store import Versions
 from mffdrake.experiment.runs.table import Group
-from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Versions
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER
 
 __all__ = ["MakeText"]
 
