@@ -9,7 +9,7 @@ import pytest
 
 from mffdrake.experiment.runs.grid import MakeGrid
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
-from mffdrake.experiment.scenario.scenario_docs import DescribeDefaults, MakeSchema
+from mffdrake.recognition.parameters.documentation import commented_yaml, json_schema
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition import Generation, RefinementParameters, TrackerParameters
@@ -47,7 +47,7 @@ def test_every_parameter_of_the_recognizer_is_a_key_that_can_be_swept_and_is_des
     keys = [f"recognizer.{key}" for key in parameters_of(TrackerParameters)]
     keys += [f"recognizer.refinement.{field.name}" for field in dc.fields(RefinementParameters)]
     base = LoadScenario(text="recognizer: {refinement: !Borders {window: 9}}")
-    text = DescribeDefaults()
+    text = commented_yaml(Scenario())
     for key in keys:
         found = plain(base)
         for name in key.split("."):
@@ -58,8 +58,8 @@ def test_every_parameter_of_the_recognizer_is_a_key_that_can_be_swept_and_is_des
 
 
 def test_the_described_defaults_are_the_defaults_and_the_schema_knows_their_keys():
-    assert LoadScenario(text=DescribeDefaults()) == Scenario()
-    schema = MakeSchema()
+    assert LoadScenario(text=commented_yaml(Scenario())) == Scenario()
+    schema = json_schema(Scenario)
     assert set(schema["properties"]) == {field.name for field in dc.fields(Scenario)}
     assert all("description" in part for part in schema["properties"].values())
 

@@ -60,17 +60,16 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--seed", metavar="N", type=int, help="seed of the random numbers, of several the first")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     add("--verbose", action="store_true", help="say more on the way")
-    renderer = _Parser(add_help=False)
+    renderer, diagram, replay, path = (_Parser(add_help=False) for _ in range(4))
     renderer.add_argument("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
-    diagram = _Parser(add_help=False)
     diagram.add_argument(
         "--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG"
     )
-    replay = _Parser(add_help=False)
-    replay.add_argument(
-        "--replay", metavar="FILE.html",
-        help="write a Meshcat recording (of the last run) as one HTML file",
+    replay.add_argument("--replay", metavar="FILE.html",
+                        help="write a Meshcat recording (of the last run) as one HTML file"
     )  # fmt: skip
+    path.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
+    path.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
     pictures = [common, renderer, diagram, replay]
 
     parser = _Parser(
@@ -83,9 +82,7 @@ def _MakeParser() -> argparse.ArgumentParser:
         required=True,
         metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema",
     )
-    run = commands.add_parser("run", parents=pictures, help="one simulation")
-    run.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
-    run.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
+    commands.add_parser("run", parents=[*pictures, path], help="one simulation")
     servo = commands.add_parser(
         "servo", parents=pictures, help="one simulation in which the hand follows the target",
         description="The target moves, and the hand follows it by what its cameras see.",
@@ -101,25 +98,18 @@ def _MakeParser() -> argparse.ArgumentParser:
     compare.add_argument(
         "--methods", metavar="M", nargs="+", default=["ga", "mff"], help="methods (default: ga mff)"
     )
-    compare.add_argument(
-        "--omega", metavar="W", nargs="+", type=float, default=[0.105, 0.157, 0.314],
-        help="speeds of the hand's path [rad/s] (default: 0.105 0.157 0.314)",
+    compare.add_argument("--omega", metavar="W", nargs="+", type=float, default=[0.105, 0.157, 0.314],
+                         help="speeds of the hand's path [rad/s] (default: 0.105 0.157 0.314)"
     )  # fmt: skip
-    compare.add_argument(
-        "--seeds", metavar="K", type=_Positive(int), default=1,
-        help="number of seeds, from --seed on (default: 1)",
-    )  # fmt: skip
+    compare.add_argument("--seeds", metavar="K", type=_Positive(int), default=1,
+                         help="number of seeds, from --seed on (default: 1)")  # fmt: skip
     _AddPlaces(compare, "1")
-    sweep = commands.add_parser(
-        "sweep",
-        parents=[common, renderer],
-        help="a grid of scenarios, with a table; goes on where it was",
-    )
-    sweep.add_argument("grid", metavar="GRID.yaml", help="file with the grid")
-    sweep.add_argument(
-        "--format", choices=["parquet", "csv"], default="parquet",
-        help="of the table of results (default: parquet)",
+    sweep = commands.add_parser("sweep", parents=[common, renderer],
+                                help="a grid of scenarios, with a table; goes on where it was"
     )  # fmt: skip
+    sweep.add_argument("grid", metavar="GRID.yaml", help="file with the grid")
+    sweep.add_argument("--format", choices=["parquet", "csv"], default="parquet",
+                       help="of the table of results (default: parquet)")  # fmt: skip
     _AddPlaces(sweep, "the number of cores")
     reproduce = commands.add_parser(
         "reproduce", parents=[common, diagram],
@@ -133,24 +123,20 @@ def _MakeParser() -> argparse.ArgumentParser:
         help="number of seeds of the paper's table, from --seed on; the studies beyond it have "
         "at most 5 (default: 20)",
     )  # fmt: skip
-    reproduce.add_argument(
-        "--vtk-seeds", metavar="K", type=_NotNegative, default=5,
-        help="of the same table on VTK's images; 0 leaves it out (default: 5)",
+    reproduce.add_argument("--vtk-seeds", metavar="K", type=_NotNegative, default=5,
+                           help="of the same table on VTK's images; 0 leaves it out (default: 5)"
     )  # fmt: skip
-    reproduce.add_argument(
-        "--short", action="store_true",
-        help="one seed, the flat renderer alone, and a few of the studies",
+    reproduce.add_argument("--short", action="store_true",
+                           help="one seed, the flat renderer alone, and a few of the studies"
     )  # fmt: skip
     _AddPlaces(reproduce, "the number of cores")
     _AddImageCommands(commands)
-    record = commands.add_parser(
-        "record", parents=[common, renderer],
+    commands.add_parser(
+        "record", parents=[common, renderer, path],
         help="images, rig and motion from a scenario, for track",
         description="Runs a scenario and writes its cameras' images, rig file, motion and true "
         "poses to --out, and prints the command that tracks them.",
     )  # fmt: skip
-    record.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
-    record.add_argument("--omega", metavar="W", type=float, help="speed of the path [rad/s]")
     commands.add_parser("defaults", help="print the default scenario with a comment on every key")
     commands.add_parser("schema", help="print a JSON Schema of scenario files, for editors")
     return parser
@@ -240,12 +226,8 @@ def _NotNegative(text: str) -> int:
 def _AddPlaces(command: argparse.ArgumentParser, default: str) -> None:
     """Adds the options that say where to run."""
     places = command.add_mutually_exclusive_group()
-    places.add_argument(
-        "--workers",
-        metavar="N",
-        type=_Positive(int),
-        help=f"number of processes (default: {default})",
-    )
+    places.add_argument("--workers", metavar="N", type=_Positive(int),
+                        help=f"number of processes (default: {default})")  # fmt: skip
     places.add_argument(
         "--scheduler", metavar="ADDRESS", help="run on the Dask cluster with this scheduler instead"
     )
@@ -310,10 +292,13 @@ def _Find(name: str) -> Callable[[argparse.Namespace], int]:
 
 
 def _PrintDocs(options: argparse.Namespace) -> int:
-    from mffdrake.experiment.scenario.scenario_docs import DescribeDefaults, MakeSchema
+    from mffdrake.experiment.scenario.scenario import Scenario
+    from mffdrake.recognition.parameters.documentation import commented_yaml, json_schema
 
-    is_schema = options.command == "schema"
-    print(json.dumps(MakeSchema(), indent=2) if is_schema else DescribeDefaults().rstrip("\n"))
+    if options.command == "schema":
+        print(json.dumps(json_schema(Scenario), indent=2))
+    else:
+        print(commented_yaml(Scenario()), end="")
     return 0
 
 
