@@ -98,9 +98,9 @@ def _MakeParser() -> argparse.ArgumentParser:
     compare.add_argument(
         "--methods", metavar="M", nargs="+", default=["ga", "mff"], help="methods (default: ga mff)"
     )
-    compare.add_argument("--omega", metavar="W", nargs="+", type=float, default=[0.105, 0.157, 0.314],
-                         help="speeds of the hand's path [rad/s] (default: 0.105 0.157 0.314)"
-    )  # fmt: skip
+    add = compare.add_argument
+    add("--omega", metavar="W", nargs="+", type=float, default=[0.105, 0.157, 0.314],
+        help="speeds of the hand's path [rad/s] (default: 0.105 0.157 0.314)")  # fmt: skip
     compare.add_argument("--seeds", metavar="K", type=_Positive(int), default=1,
                          help="number of seeds, from --seed on (default: 1)")  # fmt: skip
     _AddPlaces(compare, "1")

@@ -7,7 +7,7 @@ import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mffdrake.experiment.commands.arguments import GivenOptions
 from mffdrake.experiment.commands.run import SimulateOne, WriteScenario
@@ -27,13 +27,16 @@ from mffdrake.experiment.runs.sweep import Sweep
 from mffdrake.experiment.runs.table import MarkdownTable, SummaryTable, WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation.evaluation import Evaluate
-from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, PlotToFile
+from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, SaveFigure
 from mffdrake.experiment.simulation.wiring.diagram import CheckScenario, MakeHandEyeDiagram
 from mffdrake.recognition.parameters.yaml_text import ReadYaml
 from mffdrake.recognition.recordings.files import MakeOutputFolder
 from mffdrake.systems.arms.inverse_kinematics import UnreachablePathError
 from mffdrake.systems.rendering.graphics import RequireGraphics
 from mffdrake.systems.rendering.visualization import SaveDiagram
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["RunCompare", "RunReproduce", "RunSweep"]
 
@@ -87,9 +90,13 @@ def _DrawAll(pictures: Sequence[tuple[Callable[..., Any], Any, Path]], workers: 
     count = min(workers, len(pictures))
     executor: Executor = LocalProcesses(count) if count > 1 else InProcess()
     with executor:
-        for outcome in executor.Run(PlotToFile, pictures):
+        for outcome in executor.Run(_Draw, pictures):
             if outcome.exception is not None:
                 raise outcome.exception
+
+
+def _Draw(plot: Callable[..., Figure], data: object, path: Path) -> None:
+    SaveFigure(plot(data), path)
 
 
 def RunSweep(options: argparse.Namespace) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,6 @@ __all__ = [
     "PlotHandPath",
     "PlotPose",
     "PlotSpace",
-    "PlotToFile",
     "PlotTrack",
     "SaveFigure",
     "SixPanels",
@@ -236,14 +235,3 @@ def _WidenFlat(axis: Axes, least: float) -> None:
     if high - low < least:
         middle = 0.5 * (low + high)
         axis.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
-
-
-def PlotToFile(plot: Callable[..., Figure], data: object, path: Path | str) -> None:
-    """Plots and writes the picture, for a process that does nothing else.
-
-    Args:
-        plot: One of this module's functions that make a figure.
-        data: What it plots.
-        path: See `SaveFigure`.
-    """
-    SaveFigure(plot(data), path)

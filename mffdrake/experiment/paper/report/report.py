@@ -32,19 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MakeHtml", "Reproduce", "WriteReport"]
 
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 75em; margin: 2em auto; padding: 0 1em;
-       color: #222; background: #fff; }
-img { max-width: 100%; }
-table { border-collapse: collapse; font-size: 85%; margin: 1em 0; display: block;
-        overflow-x: auto; }
-th, td { border: 1px solid #ccc; padding: .2em .5em; text-align: left; white-space: nowrap; }
-td:last-child { white-space: normal; }
-th { background: #f2f2f2; }
-tr:nth-child(even) td { background: #fafafa; }
-code { background: #f2f2f2; padding: 0 .2em; }
-"""
-
 
 def Reproduce(
     folder: Path | str,
@@ -141,6 +128,7 @@ def MakeHtml(markdown_text: str, folder: Path | str) -> str:
     """
     import markdown
 
+    style = Path(__file__).with_suffix(".css").read_text(encoding="utf-8")
     body = markdown.markdown(markdown_text, extensions=["tables"])
 
     def Embed(match: re.Match[str]) -> str:
@@ -152,7 +140,7 @@ def MakeHtml(markdown_text: str, folder: Path | str) -> str:
     title = re.sub(r"<.*?>", "", heading[1]) if heading else "Report"
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>'
-        f"\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"\n<style>{style}</style>\n</head>\n<body>\n"
         f"{body}\n</body>\n</html>\n"
     )
 
