@@ -22,7 +22,7 @@ from mffdrake.recognition.visibility.aspects import as_drawn
 
 _blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
 _lens = pytest.importorskip("mffdrake.recognition.camera.lens")
-_looks = pytest.importorskip("mffdrake.recognition.acquisition.looks")
+_looks = pytest.importorskip("mffdrake.recognition.acquisition.appearance")
 _rotations = pytest.importorskip("mffdrake.recognition.poses.rotations")
 
 PLAIN = Camera(width=160, height=120, fx=145.0, fy=150.0, cx=77.0, cy=61.5)

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.acquisition.looks import add_to_look, finish_look
+from mffdrake.recognition.acquisition.appearance import add_to_look, finish_look
 from mffdrake.recognition.camera.lens import NO_DISTORTION, Lens, View, pixel, pixel_jacobian
 from mffdrake.recognition.fitness.structs import ColorGate
 

@@ -15,8 +15,8 @@ from mffdrake.recognition.poses.pose import quaternion_scalar, quaternion_vector
 from mffdrake.recognition.visibility.aspects import as_drawn
 
 if TYPE_CHECKING:
+    from mffdrake.recognition.acquisition.appearance import Looks
     from mffdrake.recognition.acquisition.blobs import Blobs, Grid
-    from mffdrake.recognition.acquisition.looks import Looks
     from mffdrake.recognition.acquisition.proposing import Bounds, Sources
     from mffdrake.recognition.fitness.structs import Scene
 
@@ -206,7 +206,7 @@ class Proposer:
 
     @cached_property
     def _table(self) -> Looks:
-        from mffdrake.recognition.acquisition.looks import (  # numba: slow to import
+        from mffdrake.recognition.acquisition.appearance import (  # numba: slow to import
             Corners,
             draw_looks,
             make_looks,

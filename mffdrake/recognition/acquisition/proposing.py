@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition.acquisition.appearance import Looks, find_alike
 from mffdrake.recognition.acquisition.blobs import Blobs, turn_along
-from mffdrake.recognition.acquisition.looks import Looks, find_alike
 from mffdrake.recognition.camera.lens import Eye, in_view, turned_back
 from mffdrake.recognition.poses.rotations import multiply, rotation
 

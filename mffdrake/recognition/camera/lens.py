@@ -18,7 +18,7 @@ Image = NDArray[np.uint8]
 
 NO_DISTORTION, PLUMB_BOB, EQUIDISTANT = range(3)
 
-_STAMP_STEP = 31
+_HASH_STEP = 31
 _NOISE_STEP = 499  # pixels between those where noise is measured; odd to the images' widths
 
 Jacobian: TypeAlias = tuple[float, float, float, float]
@@ -225,10 +225,10 @@ def measure_noise(views: tuple[View, ...]) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def stamp(view: View) -> float:
-    """A number that tells an image from others, from every so-many-th pixel."""
+def image_hash(view: View) -> float:
+    """A number that tells an image from others, from every n-th pixel."""
     pixels, value = view.pixels, np.uint64(1469598103934665603)
-    for k in range(0, len(pixels), _STAMP_STEP):
+    for k in range(0, len(pixels), _HASH_STEP):
         color = (np.uint64(pixels[k, 0]) << np.uint64(16)) | (
             np.uint64(pixels[k, 1]) << np.uint64(8)
         )

@@ -44,7 +44,8 @@ class Solid(NamedTuple):
         all_colors: The bits of all of them.
         kinds: Numbers of the faces' materials, shape (F,).
         alike: Whether two materials' colors overlap, shape (C, C).
-        free: Unit vectors about which any rotation changes nothing, see `Symmetries`, shape (K, 3).
+        symmetry_axes: Unit vectors about which any rotation changes nothing, see `Symmetries`,
+            shape (K, 3).
     """
 
     outlines: Outlines
@@ -55,7 +56,7 @@ class Solid(NamedTuple):
     all_colors: np.uint32
     kinds: IntArray
     alike: NDArray[np.bool_]
-    free: Array
+    symmetry_axes: Array
 
 
 class Scene(NamedTuple):

@@ -33,7 +33,7 @@ class Generation:
         is_tracking: Whether it is right with enough confidence.
         unseen: For how many frames it has not been seen, or not where it was expected.
         motion: What is known of the target's own motion; None for nothing.
-        stamps: A number a camera that tells its image from others.
+        image_hashes: A number a camera that tells its image from others.
     """
 
     poses: Array
@@ -45,7 +45,7 @@ class Generation:
     is_tracking: bool = False
     unseen: int = 0
     motion: PoseFilter | None = None
-    stamps: tuple[float, ...] = ()
+    image_hashes: tuple[float, ...] = ()
 
     @property
     def best(self) -> Array:
@@ -63,7 +63,7 @@ class Generation:
         motion = None if self.motion is None else self.motion.carried(R_DC, p_DC)
         return dc.replace(self, poses=transport_pose(self.poses, R_DC, p_DC), motion=motion)
 
-    def drifted(self, motion: PoseFilter) -> Generation:
+    def moved_with_target(self, motion: PoseFilter) -> Generation:
         """The same, carried along with what is known of the target's own motion.
 
         Args:

@@ -7,6 +7,7 @@ orientation, linear and angular velocity, and perhaps their rates, seen from the
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -254,58 +255,76 @@ def predict(
     return later_pose, later, _product(_product(F, P), F.T.copy()) + Q
 
 
+class Updated(NamedTuple):
+    """A filter after a measurement.
+
+    Attributes:
+        pose: As of a `PoseFilter`.
+        motion: As of a `PoseFilter`.
+        covariance: As of a `PoseFilter`.
+        innovation: As of a `PoseFilter`.
+        nis: As of a `PoseFilter`.
+        correlation: The innovation's product with the last one in units of its covariance S, by
+            its six degrees of freedom.
+    """
+
+    pose: Array
+    motion: Array
+    covariance: Array
+    innovation: Array
+    nis: float
+    correlation: float
+
+
 @njit(cache=True, error_model="numpy")
 def update(
-    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array, last: Array
-) -> tuple[Array, Array, Array, Array, float, float]:
-    """Pose, motion and covariance with a measurement, and its innovation.
-
-    And a sixth of that one's square, and of its product with the last one, by its covariance S.
-    """
+    pose: Array, motion: Array, P: Array, measured: Array, covariance: Array, last: Array
+) -> Updated:
+    """The filter with a measurement; ``last`` is the innovation of the one before."""
     n = len(P)
     R = rotation(pose[3:])
-    away = np.empty(6)
-    # The turn from where it was expected to where it was seen, seen from the former
-    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(seen[3:], 1.0))
+    innovation = np.empty(6)
+    # The turn from where it was expected to where it was measured, seen from the former
+    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(measured[3:], 1.0))
     for i in range(3):
-        away[i] = 0.0
+        innovation[i] = 0.0
         for j in range(3):
-            away[i] += R[j, i] * (seen[j] - pose[j])
-    away[3:] = rotation_log(between)
-    # The measurement's error, from where it was seen to where it was expected
+            innovation[i] += R[j, i] * (measured[j] - pose[j])
+    innovation[3:] = rotation_log(between)
+    # The measurement's error, seen from where it was expected
     D = np.zeros((6, 6))
     D[:3, :3] = _matrix(between)
-    D[3:, 3:] = right_jacobian(away[3:], -1.0)
-    N = _product(_product(D, body_covariance(seen, covariance)), D.T.copy())
+    D[3:, 3:] = right_jacobian(innovation[3:], -1.0)
+    N = _product(_product(D, body_covariance(measured, covariance)), D.T.copy())
     S, L = P[:6, :6] + N, np.zeros((6, 6))
     if not factor(S, L):
-        return pose, motion, P, away, np.inf, 0.0
+        return Updated(pose, motion, P, innovation, np.inf, 0.0)
     K = np.empty((n, 6))  # P H^T S^-1
     for i in range(n):
         K[i] = solve(L, P[i, :6].copy())
-    change = np.zeros(n)
+    correction = np.zeros(n)
     for i in range(n):
         for j in range(6):
-            change[i] += K[i, j] * away[j]
-    turn = quaternion_exp(change[3:6])
+            correction[i] += K[i, j] * innovation[j]
+    turn = quaternion_exp(correction[3:6])
     # What is left of the error, seen from the target as it has been turned
     G = np.eye(n)
     G[:3, :3] = _matrix(turn).T
-    G[3:6, 3:6] = right_jacobian(change[3:6], 1.0)
+    G[3:6, 3:6] = right_jacobian(correction[3:6], 1.0)
     M = _product(G, K)
     A = G.copy()
     A[:, :6] -= M
     # Joseph's form: positive whatever is rounded
     left = _product(_product(A, P), A.T.copy()) + _product(_product(M, N), M.T.copy())
-    new_pose, new_motion = pose.copy(), motion + change[6:]
+    new_pose, new_motion = pose.copy(), motion + correction[6:]
     for i in range(3):
         for j in range(3):
-            new_pose[i] += R[i, j] * change[j]
+            new_pose[i] += R[i, j] * correction[j]
     new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
     for i in range(12, n - 6):  # stiffnesses
         new_motion[i] = max(0.0, new_motion[i])
-    weighed, surprise, alike = solve(L, away), 0.0, 0.0
+    normalized, nis, correlation = solve(L, innovation), 0.0, 0.0
     for i in range(6):
-        surprise += away[i] * weighed[i] / 6.0
-        alike += last[i] * weighed[i] / 6.0
-    return new_pose, new_motion, 0.5 * (left + left.T), away, surprise, alike
+        nis += innovation[i] * normalized[i] / 6.0
+        correlation += last[i] * normalized[i] / 6.0
+    return Updated(new_pose, new_motion, 0.5 * (left + left.T), innovation, nis, correlation)

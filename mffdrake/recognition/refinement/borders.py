@@ -1,7 +1,6 @@
 """Compiled search for color borders along a solid's projected edges (numba; import it late).
 
-`BorderRefiner` says what a border is; here is how it is found. Slots and lines are those of
-`_edge_lines`.
+`BorderRefiner` says what a border is; here is how it is found. Lines are those of `edge_lines`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ Color: TypeAlias = tuple[float, float, float]
 
 BORDER = np.dtype(
     [
-        ("slot", np.int64),
+        ("line", np.int64),  # its place in the `Lines`
         ("along", np.float64),  # the row (or column) [px]
         ("across", np.float64),  # where on it [px]
         ("off", np.float64),  # how far from where it was expected [px]
@@ -54,7 +53,7 @@ class BorderRules(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """How borders are sought: how far from the edges [px], on every so-manieth row; and then."""
+    """How borders are sought: how far from the edges [px], on every n-th row; and then."""
 
     window: int
     spacing: int
@@ -184,23 +183,23 @@ def find_borders(
     for view in scene.views:
         most = max(most, max(view.eye.width, view.eye.height) // stage.spacing + 1)
     needed = 0.0
-    for slot in range(len(lines)):
-        if lines[slot].seen:
-            needed += abs(lines[slot].last - lines[slot].first) / stage.spacing + 2.0
+    for line in lines:
+        if line.seen:
+            needed += abs(line.last - line.first) / stage.spacing + 2.0
     # No more memory than may be needed, and untouched: fresh pages cost more than the search.
     borders = np.empty(int(min(needed, float(len(lines) * most))), dtype=BORDER)
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     sought = np.zeros(len(scene.views), dtype=np.int64)
     room = stage.window + rules.blend + 3  # what `_find_border` may read on either side
-    count, seen, slot = 0, -1, 0
+    count, seen, n = 0, -1, 0
     R_CM, placed, none = rotation(pose[3:]), new_placed(), np.uint32(0)
     for view in scene.views:
         pixels, eye = view.pixels, view.eye
         seen += 1
         place(R_CM, pose[:3], eye, placed)
-        while slot < len(lines) and lines[slot].camera == seen:
-            line, here = lines[slot], slot
-            slot += 1
+        while n < len(lines) and lines[n].camera == seen:
+            line, here = lines[n], n
+            n += 1
             if not line.seen:
                 continue
             e = line.segment
@@ -233,24 +232,24 @@ def find_borders(
                 length, num_rows = num_rows, length
             start, stop = math.ceil(max(low, 0.0)), math.floor(min(high, num_rows - 1.0))
             rows = 0
-            for n in range(int(start), int(stop) + 1, stage.spacing):
-                along[rows] = n
+            for row in range(int(start), int(stop) + 1, stage.spacing):
+                along[rows] = row
                 rows += 1
             cross(eye, line, along[:rows], across[:rows], x[:rows], y[:rows])
             stride = 1 if line.rows else eye.width
             for r in range(rows):
-                expected, n = across[r], int(along[r])
+                expected, row = across[r], int(along[r])
                 if not room <= math.floor(expected + 0.5) < length - room:
                     continue
                 sought[seen] += 1
-                origin = n * eye.width if line.rows else n
+                origin = row * eye.width if line.rows else row
                 scan = Scan(origin, stride, length, expected, outward, stage.window)
                 position, blended = _find_border(
                     pixels, scan, sides, scene.gate, scene.noise, rules
                 )
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
-                    border.slot, border.along, border.across = here, along[r], position
+                    border.line, border.along, border.across = here, along[r], position
                     border.off = position - expected
                     border.blended, border.within, border.weight = blended, 0.0, 0.0
                     count += 1
@@ -271,7 +270,7 @@ def count_explained(
     counts[:, 1] = sought
     for border in borders:
         if abs(border.off) <= tolerance:
-            counts[lines[border.slot].camera, 0] += 1
+            counts[lines[border.line].camera, 0] += 1
     return counts
 
 
@@ -324,11 +323,11 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
     count, last = 0, -1  # ``last``: the last row in the middle of three at one pixel
     for k in range(1, n - 1):
         before, here, after = borders[k - 1], borders[k], borders[k + 1]
-        if before.slot != after.slot or after.along - before.along != 2.0:
+        if before.line != after.line or after.along - before.along != 2.0:
             continue
         if rounded[k - 1] != rounded[k] or rounded[k + 1] != rounded[k]:
             continue
-        whole = last >= 0 and borders[last].slot == here.slot
+        whole = last >= 0 and borders[last].line == here.line
         whole = whole and here.along - borders[last].along == k - last  # no row is missing
         if whole and abs(rounded[k] - rounded[last]) == 1.0:
             stayed = 0
@@ -339,7 +338,7 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
                     whole = False
             if whole:
                 jump = jumps[count]
-                jump.slot = here.slot
+                jump.line = here.line
                 jump.along = borders[last].along + stayed + 0.5
                 jump.across = 0.5 * (rounded[k] + rounded[last])
                 jump.off = 0.0

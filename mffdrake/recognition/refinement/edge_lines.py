@@ -1,7 +1,7 @@
 """Compiled geometry of a solid's projected edges (numba). Import only where it runs.
 
-A *slot* is a segment of an edge seen by a camera (see `Outlines`). On the plane of normalized
-coordinates it is a straight line; in the image the lens bends it.
+A *line* is a segment of an edge as a camera sees it (see `Outlines`). On the plane of normalized
+coordinates it is straight; in the image the lens bends it.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ LINE = np.dtype(
         ("slope", np.float64),  # how far it moves from a row (column) to the next, at most 1 aside
     ]
 )
-"""The line of a slot."""
+"""A segment of an edge, seen by a camera."""
 
 
 @njit(cache=True, error_model="numpy")
 def edge_lines(pose: Array, solid: Solid, views: tuple[View, ...]) -> Lines:
-    """The lines of all slots, camera by camera."""
+    """The lines of all segments that a camera may see, camera by camera."""
     R_CM, outlines, middle = rotation(pose[3:]), solid.outlines, solid.middle
     aspects, count = np.empty(len(views), dtype=np.int64), 0
     placed, k = new_placed(), -1
@@ -68,12 +68,12 @@ def edge_lines(pose: Array, solid: Solid, views: tuple[View, ...]) -> Lines:
         aspects[k] = aspect_of(x, y, z, outlines.grid)
         count += outlines.start[aspects[k] + 1] - outlines.start[aspects[k]]
     lines = np.zeros(count, dtype=LINE)
-    slot, k = 0, -1
+    n, k = 0, -1
     for view in views:
         k += 1
         for entry in range(outlines.start[aspects[k]], outlines.start[aspects[k] + 1]):
-            line = lines[slot]
-            slot += 1
+            line = lines[n]
+            n += 1
             line.camera, line.segment = k, outlines.segments[entry]
             ends = outlines.ends[line.segment]
             _place_line(line, R_CM, pose, view.eye, ends[0], ends[1])
@@ -98,12 +98,12 @@ def move_lines(
     Returns whether all that were seen still are.
     """
     R_CM = rotation(pose[3:])
-    slot, whole, k = 0, True, -1
+    n, whole, k = 0, True, -1
     for view in views:
         k += 1
-        while slot < len(lines) and lines[slot].camera == k:
-            line = lines[slot]
-            slot += 1
+        while n < len(lines) and lines[n].camera == k:
+            line = lines[n]
+            n += 1
             if not line.seen:
                 continue
             ends = solid.outlines.ends[line.segment]

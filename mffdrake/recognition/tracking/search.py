@@ -36,7 +36,7 @@ class SearchParameters:
     Attributes:
         patience: A round ends after so many generations without ...
         progress: ... an increase of the fitness by this.
-        turn_every: In every so-manieth generation the best pose is also tried turned, see
+        turn_every: In every n-th generation the best pose is also tried turned, see
             `find_turns`.
         polish: In the end the fittest pose's population is bred for so many generations without
             newcomers; at most a fifth of all generations.

@@ -16,7 +16,7 @@ from mffdrake.recognition import Generation, OneStepGaTracker, Tracker, Tracking
 from mffdrake.recognition.fitness.matching import NO_GAINS
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_filter import NUM_NUMBERS, PoseFilter
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 from mffdrake.systems.vision.tracker_checks import CheckGeneration, CheckTracker
 
@@ -130,33 +130,37 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
         self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0, 0.0])
-        self._stamps = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
+        self._image_hashes = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
         self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
         self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
         from_fitness = {self.discrete_state_ticket(self._fitness)}
-        self.DeclareVectorOutputPort("pose", 6, Weakly(self._CalcPose), from_poses)
+        self.DeclareVectorOutputPort("pose", 6, WeakCallback(self._CalcPose), from_poses)
         self.DeclareAbstractOutputPort(
             "X_CM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcTransform),
+            WeakCallback(self._CalcTransform),
             from_poses,
         )
-        self.DeclareVectorOutputPort("fitness", 1, Weakly(self._CalcFitness), from_fitness)
+        self.DeclareVectorOutputPort("fitness", 1, WeakCallback(self._CalcFitness), from_fitness)
         self.DeclareStateOutputPort("population", self._poses)
         self.DeclareStateOutputPort("population_fitness", self._fitness)
         self.DeclareStateOutputPort("frame_time", self._frame_time)
         self.DeclareStateOutputPort("pose_covariance", self._covariance)
         from_verdict = {self.discrete_state_ticket(self._verdict)}
-        self.DeclareVectorOutputPort("state", 1, Weakly(self._CalcState), from_verdict)
-        self.DeclareVectorOutputPort("confidence", 1, Weakly(self._CalcConfidence), from_verdict)
-        self.DeclareVectorOutputPort("is_tracking", 1, Weakly(self._CalcIsTracking), from_verdict)
+        self.DeclareVectorOutputPort("state", 1, WeakCallback(self._CalcState), from_verdict)
+        self.DeclareVectorOutputPort(
+            "confidence", 1, WeakCallback(self._CalcConfidence), from_verdict
+        )
+        self.DeclareVectorOutputPort(
+            "is_tracking", 1, WeakCallback(self._CalcIsTracking), from_verdict
+        )
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcWorldTransform),
+            WeakCallback(self._CalcWorldTransform),
             from_poses | {self.discrete_state_ticket(self._exposed_pose)},
         )
 
@@ -210,8 +214,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         if g.motion is not None:
             numbers = g.motion.numbers(g.best)
         discrete_state.set_value(self._motion, numbers)
-        if g.stamps:
-            discrete_state.set_value(self._stamps, g.stamps)
+        if g.image_hashes:
+            discrete_state.set_value(self._image_hashes, g.image_hashes)
         if self._camera_pose.HasValue(context):
             X_WC = self._camera_pose.Eval(context)
             discrete_state.set_value(self._exposed_pose, X_WC.GetAsMatrix34().reshape(-1))
@@ -239,7 +243,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             is_tracking > 0.0,
             int(unseen),
             None if math.isnan(motion[0]) else PoseFilter.of_numbers(poses[0], motion),
-            tuple(numbers(self._stamps).tolist()),
+            tuple(numbers(self._image_hashes).tolist()),
         )
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:

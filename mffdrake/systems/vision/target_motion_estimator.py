@@ -28,7 +28,7 @@ from mffdrake.recognition.poses.pose_filter import (
     body_covariance,
     pose_covariance,
 )
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
 __all__ = ["EstimatorParameters", "TargetMotionEstimator"]
@@ -55,7 +55,7 @@ class EstimatorParameters:
         refined_factor: The same for a refined pose and its own covariance.
         systematic: Share of a refined pose's own covariance that is the same in frame after frame,
             as long as the target is seen from the same side: no mean lessens it.
-        gate: Poses of a greater surprise (see `PoseFilter`) are left out, ...
+        gate: Poses of a greater normalized innovation squared (`PoseFilter.nis`) are left out, ...
         patience: ... but so many in a row are believed.
         lost_error: From this standard error of the predicted place on, the target is lost [m].
 
@@ -185,7 +185,7 @@ class TargetMotionEstimator(LeafSystem):
         self._present = self.DeclareCacheEntry(
             "present",
             ValueProducer(
-                allocate=lambda: AbstractValue.Make([None]), calc=Weakly(self._CalcPresent)
+                allocate=lambda: AbstractValue.Make([None]), calc=WeakCallback(self._CalcPresent)
             ),
             {self.time_ticket(), self.xd_ticket()},
         )
@@ -193,7 +193,7 @@ class TargetMotionEstimator(LeafSystem):
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcPose),
+            WeakCallback(self._CalcPose),
             from_filter,
         )
         for name, size, calc in (
@@ -201,7 +201,7 @@ class TargetMotionEstimator(LeafSystem):
             ("covariance", 144, self._CalcCovariance),
             ("is_known", 1, self._CalcIsKnown),
         ):
-            self.DeclareVectorOutputPort(name, size, Weakly(calc), from_filter)
+            self.DeclareVectorOutputPort(name, size, WeakCallback(calc), from_filter)
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._UpdateAfterFrame
@@ -234,10 +234,10 @@ class TargetMotionEstimator(LeafSystem):
         else:
             predicted = known.predict(max(0.0, exposed - filter_time), motion)
             updated = predicted.update(seen, C)
-            if updated.surprise <= p.gate:
+            if updated.nis <= p.gate:
                 known, outliers = updated, 0
             else:
-                known, outliers = predicted.surprised(seen, C), outliers + 1
+                known, outliers = predicted.reject(seen, C), outliers + 1
         discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
         discrete_state.set_value(self._history, [exposed, frame_time, outliers, float(is_refined)])
         discrete_state.set_value(self._systematic, systematic.reshape(-1))
