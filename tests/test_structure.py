@@ -59,11 +59,11 @@ def room_imports(room, *forbidden):
 
 
 ORDERS = {
-    "recognition": (
-        "parameters poses camera solid visibility fitness refinement genetic acquisition tracking "
-        "recordings"
-    ).split(),
-}
+    "recognition": [
+        "parameters", "poses", "camera", "solid", "visibility", "fitness", "refinement", "genetic",
+        "acquisition", "tracking", "recordings",
+    ],
+}  # fmt: skip
 """The sub-rooms of a room, each of which imports only from those before it and from itself."""
 
 
