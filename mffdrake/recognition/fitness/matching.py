@@ -177,9 +177,17 @@ class Matcher:
         from mffdrake.recognition.camera.lens import measure_noise  # numba: slow to import
         from mffdrake.recognition.fitness.structs import Scene
 
-        gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
         views = self.rig.views(images)
-        return Scene(views, self._structs[0], gate, measure_noise(views))
+        return Scene(views, self._structs[0], self._gate(gains), measure_noise(views))
+
+    def balanced(self, scene: Scene, gains: Gains) -> Scene:
+        """The same images with another white balance.
+
+        Args:
+            scene: What `scene` made of them.
+            gains: White balance.
+        """
+        return scene._replace(gate=self._gate(gains))
 
     @property
     def struct(self) -> Solid:
@@ -187,12 +195,14 @@ class Matcher:
         return self._structs[0]
 
     def _gate(self, gains: Gains) -> ColorGate:
+        if gains == NO_GAINS:
+            return self._plain_gate
         return self.colors.gate(channel_order=self.channel_order, gains=gains)
 
     @cached_property
     def _plain_gate(self) -> ColorGate:
         """The gate of nearly all frames."""
-        return self._gate(NO_GAINS)
+        return self.colors.gate(channel_order=self.channel_order, gains=NO_GAINS)
 
     @cached_property
     def _structs(self) -> tuple[Solid, Samples, Rules]:

@@ -25,7 +25,8 @@ class Generation:
         poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
         fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
             whatever its fitness.
-        covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
+        covariance: Covariance of the error of the first pose where that is refined, or predicted
+            from one that was, shape (6, 6); else None.
         gains: White balance for the next frame: what red, green and blue are multiplied with.
         state: Whether the first pose may be relied on.
         confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where it is not
@@ -52,6 +53,11 @@ class Generation:
         """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
         best: Array = self.poses[0]
         return best
+
+    @property
+    def refined(self) -> bool:
+        """Whether the first pose is refined on this frame's images."""
+        return self.covariance is not None and self.state != TrackingState.PREDICTED
 
     def carried(self, R_DC: ArrayLike, p_DC: ArrayLike) -> Generation:
         """The same, seen from where the cameras are by now, Eq. (23).

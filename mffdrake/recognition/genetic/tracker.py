@@ -123,7 +123,17 @@ class OneStepGaTracker:
             The best of the drawn candidates, as many as the population has.
         """
         scene = self.matcher.scene(images, gains)
-        return self._finish(self.draw(scene, gains, self.rng(frame)), images, scene)
+        return self.start_on(scene, gains, frame)
+
+    def start_on(self, scene: Scene, gains: Gains, frame: int) -> Generation:
+        """`start_population` on images that were made ready before.
+
+        Args:
+            scene: The images, see `Matcher.scene`.
+            gains: Their white balance.
+            frame: Number of the frame.
+        """
+        return self._finish(self.draw(scene, gains, self.rng(frame)), scene)
 
     def draw(self, scene: Scene, gains: Gains, rng: np.random.Generator) -> Generation:
         """The first population, scored, and nothing else.
@@ -161,12 +171,24 @@ class OneStepGaTracker:
             ValueError: When the population's size is not the parameters'.
         """
         self.check_size(generation)
-        scene, rng = self.matcher.scene(images, generation.gains), self.rng(frame)
-        center = None if generation.covariance is None else generation.best
-        for _ in range(self.generations_per_frame):
-            generation = self._breed_once(generation, scene, rng, center, proposals)
-            center, proposals = None, None
-        return self._finish(generation, images, scene)
+        scene = self.matcher.scene(images, generation.gains)
+        return self.track_on(generation, scene, frame, proposals)
+
+    def track_on(
+        self, generation: Generation, scene: Scene, frame: int, proposals: ArrayLike | None = None
+    ) -> Generation:
+        """`track` on images that were made ready before.
+
+        Args:
+            generation: The last population.
+            scene: The images, see `Matcher.scene`, with that population's white balance.
+            frame: Number of the frame.
+            proposals: See `track`.
+        """
+        rng = self.rng(frame)
+        center = generation.best if generation.refined else None
+        generation = self.breed(generation, scene, rng, center, proposals)
+        return self._finish(generation, scene)
 
     def breed(
         self,
@@ -174,6 +196,7 @@ class OneStepGaTracker:
         scene: Scene,
         rng: np.random.Generator,
         center: ArrayLike | None = None,
+        proposals: ArrayLike | None = None,
     ) -> Generation:
         """A frame's generations, scored, and nothing else.
 
@@ -182,24 +205,15 @@ class OneStepGaTracker:
             scene: The images, see `Matcher.scene`.
             rng: Source of randomness.
             center: Pose vector that the children of the first are drawn around, shape (6,).
+            proposals: Further pose vectors that the first generation tries, shape (K, 6).
         """
         for _ in range(self.generations_per_frame):
-            generation = self._breed_once(generation, scene, rng, center, None)
-            center = None
+            poses = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
+            if proposals is not None:
+                poses = np.concatenate([poses, proposals])
+            generation = self._select(poses, scene, generation)
+            center, proposals = None, None
         return generation
-
-    def _breed_once(
-        self,
-        generation: Generation,
-        scene: Scene,
-        rng: np.random.Generator,
-        center: ArrayLike | None,
-        proposals: ArrayLike | None,
-    ) -> Generation:
-        candidates = self._algorithm.breed(generation.poses, generation.fitness, rng, center)
-        if proposals is not None:
-            candidates = np.concatenate([candidates, proposals])
-        return self._select(candidates, scene, generation)
 
     def join(self, generation: Generation, poses: Array, scene: Scene) -> Generation:
         """A population in which further poses have the places of the last individuals.
@@ -229,16 +243,13 @@ class OneStepGaTracker:
         """The same with another first population."""
         return dc.replace(self, start=start)
 
-    def refine(self, generation: Generation, images: Images) -> Generation:
+    def refine(self, generation: Generation, scene: Scene) -> Generation:
         """Puts the refined best pose first, where there is one.
 
         Args:
             generation: A population scored on these images.
-            images: One a camera, uint8, shape (height, width, 3 or 4).
+            scene: The images, see `Matcher.scene`, with the population's white balance.
         """
-        return self._refine(generation, self.matcher.scene(images, generation.gains))
-
-    def _refine(self, generation: Generation, scene: Scene) -> Generation:
         refined = self.refiner.refine_scene(generation.best, scene)
         if not refined.converged:
             return generation
@@ -250,11 +261,11 @@ class OneStepGaTracker:
             state=TrackingState.TRACKING,
         )
 
-    def _finish(self, generation: Generation, images: Images, scene: Scene) -> Generation:
+    def _finish(self, generation: Generation, scene: Scene) -> Generation:
         """Refines the best pose, and adapts the white balance where it is sure."""
-        generation, gains = self._refine(generation, scene), generation.gains
-        if generation.covariance is not None or generation.fitness[0] > self.sure_fitness:
-            gains = self.white_balance.adapt(gains, generation.best, images, self.matcher)
+        generation, gains = self.refine(generation, scene), generation.gains
+        if generation.refined or generation.fitness[0] > self.sure_fitness:
+            gains = self.white_balance.adapt(gains, generation.best, scene, self.matcher)
             return dc.replace(
                 generation, gains=gains, state=TrackingState.TRACKING, is_tracking=True
             )

@@ -142,7 +142,7 @@ class RobustTracker:
         """
         scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
         first = self._with_hashes(self._plain.draw(scene, gains, rng), scene)[0]
-        return self._search(first, images, scene, frame, rng)
+        return self._search(first, scene, frame, rng)
 
     def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
         """Advances by one frame.
@@ -164,13 +164,13 @@ class RobustTracker:
         generation, is_stale = self._with_hashes(self._predict(generation), scene)
         if generation.motion is None or generation.state == TrackingState.LOST:
             generation = self.ga.breed(generation, scene, rng)
-            return self._search(generation, images, scene, frame, rng)
+            return self._search(generation, scene, frame, rng)
         seen, bred = self._detect(generation, scene, frame, rng)
         if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
-            return self._accept(bred, seen, images)
+            return self._accept(bred, seen, scene)
         if is_stale:
             return self._coast(generation)
-        return self._search(generation, images, scene, frame, rng)
+        return self._search(generation, scene, frame, rng)
 
     def _with_hashes(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:
         """With the images' hashes, and whether one of them was there at the last frame."""
@@ -232,12 +232,7 @@ class RobustTracker:
         return seen, bred
 
     def _search(
-        self,
-        generation: Generation,
-        images: Images,
-        scene: Scene,
-        frame: int,
-        rng: np.random.Generator,
+        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
     ) -> Generation:
         """Takes a frame on which the pose is not known, or only by prediction."""
         known = generation.poses[:1]
@@ -245,7 +240,7 @@ class RobustTracker:
             known = np.concatenate([known, self._draw_near(generation.motion, rng)])
         seen, candidates = self.detector.anywhere(scene, known, frame, rng)
         if seen is not None:
-            return self._accept(dc.replace(generation, motion=None), seen, images)
+            return self._accept(dc.replace(generation, motion=None), seen, scene)
         unseen = self._coast(generation)
         if unseen.state == TrackingState.PREDICTED or not candidates:
             return unseen
@@ -283,7 +278,7 @@ class RobustTracker:
         near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
         return np.asarray(near)
 
-    def _accept(self, generation: Generation, seen: Detection, images: Images) -> Generation:
+    def _accept(self, generation: Generation, seen: Detection, scene: Scene) -> Generation:
         """A frame whose images show the pose."""
         p, pose, C = self.parameters, seen.pose, seen.refined.covariance
         motion, unseen = generation.motion, 0
@@ -308,7 +303,7 @@ class RobustTracker:
         is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains
         if is_tracking:
-            gains = self.ga.white_balance.adapt(gains, pose, images, self.matcher)
+            gains = self.ga.white_balance.adapt(gains, pose, scene, self.matcher)
         return dc.replace(
             generation,
             poses=np.concatenate([pose[None], generation.poses[:-1]]),

@@ -18,6 +18,7 @@ from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_filter import NUM_NUMBERS, PoseFilter
 from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision import covariance_port
 from mffdrake.systems.vision.tracker_checks import CheckGeneration, CheckTracker
 
 __all__ = ["OneStepGaRecognizer", "PoseRecognizer"]
@@ -201,10 +202,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
         discrete_state.set_value(self._fitness, generation.fitness)
-        covariance = np.full(36, math.nan)
-        if generation.covariance is not None:
-            covariance = generation.covariance.reshape(36)
-        discrete_state.set_value(self._covariance, covariance)
+        discrete_state.set_value(self._covariance, covariance_port.ToVector(generation.covariance))
         discrete_state.set_value(self._gains, generation.gains)
         g = generation
         discrete_state.set_value(
@@ -236,7 +234,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         return Generation(
             poses,
             numbers(self._fitness),
-            None if math.isnan(covariance[0]) else covariance.reshape(6, 6),
+            covariance_port.FromVector(covariance),
             (red, green, blue),
             TrackingState(int(state)),
             confidence,

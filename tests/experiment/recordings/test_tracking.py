@@ -202,7 +202,7 @@ def frame_of(covariance=None):
     pose = np.array([0.1, -0.2, 0.3, 0.6, 0.0, 0.0])
     estimate = Estimate(pose, 0.75, 0)
     if covariance is not None:
-        estimate = dc.replace(estimate, covariance=covariance)
+        estimate = dc.replace(estimate, covariance=covariance, refined=True)
     return TrackedFrame(next(iter(recording)), estimate, 12.5)
 
 
