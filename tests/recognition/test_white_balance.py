@@ -111,5 +111,5 @@ def test_where_no_pixel_tells_anything_the_gains_stay():
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan])
 def test_the_rate_must_be_positive(rate):
-    with pytest.raises(ValueError, match="rate must be positive"):
+    with pytest.raises(ValueError, match="white balance: rate must be"):
         AdaptiveWhiteBalance(rate)

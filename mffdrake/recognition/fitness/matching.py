@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig, Image
 from mffdrake.recognition.fitness.colors import ChannelOrder, ColorModel
-from mffdrake.recognition.parameters import NonNegative, Share, parameters
+from mffdrake.recognition.parameters import NonNegative, Share, check, parameters
 from mffdrake.recognition.solid.symmetry import find_symmetries
 from mffdrake.recognition.visibility.aspects import find_outlines, find_visibility
 from mffdrake.recognition.visibility.search_model import SearchModel
@@ -110,9 +110,7 @@ class Matcher:
                 min_value=p.min_value, min_chroma=p.min_chroma,
             )  # fmt: skip
         self.colors = colors
-        if channel_order not in ("rgb", "bgr"):
-            raise ValueError(f"channel_order must be 'rgb' or 'bgr', not {channel_order!r}")
-        self.channel_order = channel_order
+        self.channel_order: ChannelOrder = check(ChannelOrder, channel_order, "channel_order")
         self._bits = colors.bits_of(solid.materials)
 
     def fitness(self, poses: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.fitness.colors import around_circle, hue_chroma_value
 from mffdrake.recognition.fitness.matching import Gains, Matcher
+from mffdrake.recognition.parameters import Positive, check_fields
 from mffdrake.recognition.poses.pose import transform_from_pose
 
 if TYPE_CHECKING:
@@ -60,12 +61,11 @@ class AdaptiveWhiteBalance:
         0.005
     """
 
-    rate: float = 0.005
+    rate: Positive = 0.005
 
     def __post_init__(self) -> None:
         """Checks the rate."""
-        if not 0.0 < self.rate < math.inf:
-            raise ValueError(f"white balance: rate must be positive, not {self.rate}")
+        check_fields(self, "white balance: ")
 
     def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The next frame's gains.

@@ -16,6 +16,7 @@ from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.genetic.starts import RandomStart, Start
+from mffdrake.recognition.parameters import Count, Seed, check_fields
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import NoRefinement, Refiner
 
@@ -67,22 +68,17 @@ class OneStepGaTracker:
     coding: GeneCoding = field(default_factory=GeneCoding)
     parameters: GeneticParameters = field(default_factory=GeneticParameters)
     local_moves: LocalMoveParameters = field(default_factory=LocalMoveParameters)
-    generations_per_frame: int = 1
+    generations_per_frame: Count = 1
     start: Start = field(default_factory=RandomStart)
     refiner: Refiner = field(default_factory=NoRefinement)
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
-    seed: int = 0
+    seed: Seed = 0
     _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Checks the parameters and puts the algorithm together."""
-        if self.generations_per_frame < 1:
-            raise ValueError(
-                f"generations_per_frame must be at least 1, not {self.generations_per_frame}"
-            )
-        if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, not {self.seed}")
+        check_fields(self)
         solid = self.matcher.search_model.solid
         center = solid.vertices.mean(axis=0, keepdims=True)
         moves = LocalMoves(

@@ -16,7 +16,7 @@ from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images
 from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.starts import ColoredStart
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
-from mffdrake.recognition.parameters import Count, NonNegative, parameters
+from mffdrake.recognition.parameters import Count, NonNegative, check, parameters
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.refinement.refinement import NoRefinement
 from mffdrake.recognition.solid.symmetry import find_turns, turn_about_middle
@@ -133,8 +133,7 @@ class PoseSearch:
         Raises:
             ValueError: When ``generations`` is below 1, or an image does not fit its camera.
         """
-        if generations < 1:
-            raise ValueError(f"generations must be at least 1, not {generations}")
+        check(Count, generations, "generations")
         scene = self.tracker.matcher.scene(images, gains)
         p, count = self.parameters, 0
         polish = min(p.polish, generations // 5)

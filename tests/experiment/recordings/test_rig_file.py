@@ -278,7 +278,7 @@ def test_an_identity_is_written_without_a_rotation():
         ),
         (
             f"cameras: {{a: {{{ONE}, calibration_error: -1}}}}",
-            "cameras.a.calibration_error must be at least 0 px, not -1.0",
+            "cameras.a.calibration_error must be at least 0, not -1.0",
         ),
         (
             f"cameras: {{a: {{{ONE}, distortion: {{model: plum}}}}}}",
