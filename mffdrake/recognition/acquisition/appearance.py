@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.structs import Solid
-from mffdrake.recognition.poses.rotations import multiply, rotation
+from mffdrake.recognition.poses.rotations import multiply, rotated, rotation
 from mffdrake.recognition.visibility.drawing import Camera, Canvas, Drawn, draw
 
 Array = NDArray[np.float64]
@@ -229,12 +229,8 @@ def project_appearances(
 @njit(cache=True, error_model="numpy")
 def _ahead(R: Array, point: Array, middle: Array, distance: float) -> tuple[float, float]:
     """Normalized coordinates of a point of a solid whose middle is straight ahead."""
-    a, b, c = point[0] - middle[0], point[1] - middle[1], point[2] - middle[2]
-    z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + distance
-    return (
-        (R[0, 0] * a + R[0, 1] * b + R[0, 2] * c) / z,
-        (R[1, 0] * a + R[1, 1] * b + R[1, 2] * c) / z,
-    )
+    x, y, z = rotated(R, point[0] - middle[0], point[1] - middle[1], point[2] - middle[2])
+    return x / (z + distance), y / (z + distance)
 
 
 @njit(cache=True, error_model="numpy")

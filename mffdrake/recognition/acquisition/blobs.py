@@ -21,7 +21,8 @@ from mffdrake.recognition.acquisition.appearance import (
     normalize,
 )
 from mffdrake.recognition.camera.lens import NO_DISTORTION, Lens, View, pixel, pixel_jacobian
-from mffdrake.recognition.fitness.structs import ColorGate
+from mffdrake.recognition.fitness.structs import ColorGate, look_up
+from mffdrake.recognition.poses.rotations import rotated
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int8]
@@ -110,9 +111,7 @@ def label_pixels(view: View, grid: Grid, gate: ColorGate, classes: NDArray[np.in
         row = (j * grid.step + first) * view.eye.width + first
         for i in range(w):
             k = row + i * grid.step
-            shown = table[
-                places[0, pixels[k, 0]] + places[1, pixels[k, 1]] + places[2, pixels[k, 2]]
-            ]
+            shown = look_up(places, table, pixels[k, 0], pixels[k, 1], pixels[k, 2])
             label = np.int8(-1)
             if shown != 0 and grid.x[j, i] == grid.x[j, i]:
                 for bit in range(len(classes)):
@@ -201,9 +200,8 @@ def find_blobs(
         for k in range(first, ends[n]):
             j, i = places[k]
             x, y = grid.x[j, i], grid.y[j, i]
-            depth = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2]
-            p = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2]) / depth
-            q = (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) / depth
+            p, q, depth = rotated(axes, x, y, 1.0)
+            p, q = p / depth, q / depth
             area = grid.area[j, i] / (depth * depth * depth)
             blob.area += area
             add_patch(appearances, n, labels[j, i], area, p, q, 0.0, 0.0, 0.0)

@@ -17,11 +17,14 @@ from mffdrake.recognition.fitness.structs import (
     Scene,
     Scratch,
     Solid,
+    aspect_shown,
+    in_camera,
+    look_up,
     new_placed,
     place,
 )
-from mffdrake.recognition.poses.rotations import rotation
-from mffdrake.recognition.visibility.drawing import aspect_of
+from mffdrake.recognition.poses.rotations import cross_product, rotation
+from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,7 +74,7 @@ def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: 
     for j in range(start, stop):
         if pixels[j] >= 0:
             k = np.uint64(pixels[j])  # unsigned: without a check for an index from the end
-            shown = table[places[0, image[k, 0]] + places[1, image[k, 1]] + places[2, image[k, 2]]]
+            shown = look_up(places, table, image[k, 0], image[k, 1], image[k, 2])
             matches += (shown & colors[j]) != 0
     return matches
 
@@ -97,9 +100,8 @@ def _place_inside(
     inside_points, inside_distances = samples.inside_points, samples.inside_distances
     nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
-    face_sides, side_inward, R = samples.face_sides, samples.side_inward, placed.R
+    face_sides, side_inward = samples.face_sides, samples.side_inward
     shown = samples.visibility.shown[aspect]
-    depth_0 = placed.p[2]
     ox, oy, oz = placed.p_MK
     num_near = inside_distances.shape[1]
     least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
@@ -118,12 +120,12 @@ def _place_inside(
                 side_directions[side, 1],
                 side_directions[side, 2],
             )
-            nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+            nx, ny, nz = cross_product(dx, dy, dz, sx, sy, sz)
             mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
             inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
             norm = math.sqrt(nx * nx + ny * ny + nz * nz)
             across = abs(mx * nx + my * ny + mz * nz)
-            depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+            depth = in_camera(placed, a, b, c)[2]
             least[s] = scale * depth * norm / across if across > 0.0 else 0.0
             greatest = max(greatest, least[s])
         color = solid.colors[face]
@@ -180,7 +182,7 @@ def _place_strip(
     edge_points, edge_directions = samples.edge_points, samples.edge_directions
     edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
     visibility = samples.visibility
-    counted, rows, R, depth_0 = visibility.points, visibility.rows, placed.R, placed.p[2]
+    counted, rows = visibility.points, visibility.rows
     ox, oy, oz = placed.p_MK
     kept = first
     for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
@@ -195,14 +197,14 @@ def _place_strip(
         a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
         sx, sy, sz = a - ox, b - oy, c - oz
         dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
-        nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+        nx, ny, nz = cross_product(dx, dy, dz, sx, sy, sz)
         m = edge_inward[k, inner]
         toward = nx * m[0] + ny * m[1] + nz * m[2]
         norm = math.sqrt(nx * nx + ny * ny + nz * nz)
         if toward > 0.0:
             norm = -norm
         nx, ny, nz = nx / norm, ny / norm, nz / norm
-        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
+        depth = in_camera(placed, a, b, c)[2]
         for row in range(len(samples.strip_offsets)):
             offset = max(samples.strip_offsets[row], scale * depth)
             for j in range(j0, j1):
@@ -221,19 +223,16 @@ def find_visible(
     faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
 ) -> None:
     """Fills in which of some faces look at the camera."""
-    ox, oy, oz = placed.p_MK
-    normals, centers = solid.normals, solid.centers
+    normals, centers, eye = solid.normals, solid.centers, placed.p_MK
     for k in faces:
-        dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
-        cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
-        visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
+        toward, squared = facing(normals, centers, k, eye)
+        visible[k] = toward > min_cosine * math.sqrt(squared)
 
 
 @njit(cache=True, error_model="numpy")
 def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
     solid, visibility = scene.solid, samples.visibility
-    ox, oy, oz = solid.middle
     visible = np.empty(len(solid.normals), dtype=np.bool_)
     most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
         samples.strip_offsets
@@ -249,8 +248,7 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
         lens = view.eye.lens
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
-            eye = placed.p_MK
-            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, visibility.grid)
+            aspect = aspect_shown(placed, solid.middle, visibility.grid)
             start = visibility.faces_start
             faces = visibility.faces[start[aspect] : start[aspect + 1]]
             find_visible(faces, placed, solid, rules.min_cosine, visible)

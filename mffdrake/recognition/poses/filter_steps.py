@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.poses.cholesky import factor, solve
-from mffdrake.recognition.poses.rotations import multiply, rotation
+from mffdrake.recognition.poses.rotations import multiply, rotation, scalar_part
 
 Array = NDArray[np.float64]
 
@@ -55,12 +55,6 @@ def _skew(v: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def scalar_part(eps: Array) -> float:
-    """A quaternion's scalar part, not negative."""
-    return math.sqrt(max(0.0, 1.0 - eps[0] ** 2 - eps[1] ** 2 - eps[2] ** 2))
-
-
-@njit(cache=True, error_model="numpy")
 def quaternion_exp(v: Array) -> Array:
     """Quaternion of a rotation vector [rad], the scalar part first, shape (4,)."""
     angle = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
@@ -90,7 +84,7 @@ def rotation_log(q: Array) -> Array:
 def _quaternion(eps: Array, sign: float) -> Array:
     """Quaternion of an orientation (sign 1) or of its inverse (-1), the scalar part first."""
     q = np.empty(4)
-    q[0] = scalar_part(eps)
+    q[0] = scalar_part(eps[0], eps[1], eps[2])
     q[1:] = sign * eps
     return q
 
@@ -122,7 +116,7 @@ def right_jacobian(v: Array, sign: float) -> Array:
 def body_covariance(pose: Array, covariance: Array) -> Array:
     """See `pose_filter.body_covariance`."""
     eps = pose[3:]
-    eta, R, S = scalar_part(eps), rotation(eps), _skew(eps)
+    eta, R, S = scalar_part(eps[0], eps[1], eps[2]), rotation(eps), _skew(eps)
     A = np.zeros((6, 6))
     for i in range(3):
         for j in range(3):

@@ -13,9 +13,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.lens import Eye, pixel
-from mffdrake.recognition.fitness.structs import ColorGate, Placed, Scene, Solid, new_placed, place
+from mffdrake.recognition.fitness.structs import (
+    ColorGate,
+    Placed,
+    Scene,
+    Solid,
+    in_camera,
+    look_up,
+    new_placed,
+    place,
+)
 from mffdrake.recognition.poses.rotations import rotation
 from mffdrake.recognition.refinement.edge_lines import Line, Lines, cross, edge_lines
+from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -94,8 +104,7 @@ def _mean_color(pixels: Image, first: int, second: int) -> Color:
 @njit(cache=True, error_model="numpy")
 def _shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
     """The colors of an 8-bit pixel, one bit each."""
-    places = gate.places
-    return gate.table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
+    return look_up(gate.places, gate.table, red, green, blue)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
@@ -277,21 +286,16 @@ def count_explained(
 @njit(cache=True, error_model="numpy")
 def _cosine(solid: Solid, face: int, placed: Placed) -> float:
     """Cosine between a face's normal and the line from its center to the camera."""
-    normal, center, eye = solid.normals[face], solid.centers[face], placed.p_MK
-    dx, dy, dz = eye[0] - center[0], eye[1] - center[1], eye[2] - center[2]
-    toward = normal[0] * dx + normal[1] * dy + normal[2] * dz
-    return toward / math.sqrt(dx * dx + dy * dy + dz * dz)  # type: ignore[no-any-return]
+    toward, squared = facing(solid.normals, solid.centers, face, placed.p_MK)
+    return toward / math.sqrt(squared)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
 def _outward(eye: Eye, line: Line, placed: Placed, ends: Array, inward: Array) -> int:
     """The direction (1 or -1) on a row or column that leads out of a face across its edge."""
-    R_KM, p_KM = placed.R, placed.p
     length = math.sqrt(((ends[1] - ends[0]) ** 2).sum())
     point = 0.5 * (ends[0] + ends[1]) + 0.1 * length * inward
-    x = R_KM[0, 0] * point[0] + R_KM[0, 1] * point[1] + R_KM[0, 2] * point[2] + p_KM[0]
-    y = R_KM[1, 0] * point[0] + R_KM[1, 1] * point[1] + R_KM[1, 2] * point[2] + p_KM[1]
-    z = R_KM[2, 0] * point[0] + R_KM[2, 1] * point[1] + R_KM[2, 2] * point[2] + p_KM[2]
+    x, y, z = in_camera(placed, point[0], point[1], point[2])
     # From the edge's middle a little way into the face, as the image shows it
     mx, my = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
     u0, v0 = pixel(eye.lens, mx, my)

@@ -22,9 +22,8 @@ from mffdrake.recognition.camera.lens import (
     pixel_jacobian,
     turned_back,
 )
-from mffdrake.recognition.fitness.structs import Solid, new_placed, place
-from mffdrake.recognition.poses.rotations import rotation
-from mffdrake.recognition.visibility.drawing import aspect_of
+from mffdrake.recognition.fitness.structs import Solid, aspect_shown, new_placed, place
+from mffdrake.recognition.poses.rotations import cross_product, rotated, rotation
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -58,14 +57,13 @@ LINE = np.dtype(
 @njit(cache=True, error_model="numpy")
 def edge_lines(pose: Array, solid: Solid, views: tuple[View, ...]) -> Lines:
     """The lines of all segments that a camera may see, camera by camera."""
-    R_CM, outlines, middle = rotation(pose[3:]), solid.outlines, solid.middle
+    R_CM, outlines = rotation(pose[3:]), solid.outlines
     aspects, count = np.empty(len(views), dtype=np.int64), 0
     placed, k = new_placed(), -1
     for view in views:
         k += 1
         place(R_CM, pose[:3], view.eye, placed)
-        x, y, z = placed.p_MK[0] - middle[0], placed.p_MK[1] - middle[1], placed.p_MK[2] - middle[2]
-        aspects[k] = aspect_of(x, y, z, outlines.grid)
+        aspects[k] = aspect_shown(placed, solid.middle, outlines.grid)
         count += outlines.start[aspects[k] + 1] - outlines.start[aspects[k]]
     lines = np.zeros(count, dtype=LINE)
     n, k = 0, -1
@@ -144,10 +142,8 @@ def _measure_line(eye: Eye, line: Line, with_slope: bool) -> None:
 @njit(cache=True, error_model="numpy")
 def _in_view(R_CM: Array, pose: Array, eye: Eye, p_M: Array) -> tuple[float, float, float]:
     """A point of the target in a camera's frame, Eq. (13), (16)."""
-    x = R_CM[0, 0] * p_M[0] + R_CM[0, 1] * p_M[1] + R_CM[0, 2] * p_M[2] + pose[0]
-    y = R_CM[1, 0] * p_M[0] + R_CM[1, 1] * p_M[1] + R_CM[1, 2] * p_M[2] + pose[1]
-    z = R_CM[2, 0] * p_M[0] + R_CM[2, 1] * p_M[1] + R_CM[2, 2] * p_M[2] + pose[2]
-    p_K: tuple[float, float, float] = in_view(eye, x, y, z)
+    x, y, z = rotated(R_CM, p_M[0], p_M[1], p_M[2])
+    p_K: tuple[float, float, float] = in_view(eye, x + pose[0], y + pose[1], z + pose[2])
     return p_K
 
 
@@ -230,6 +226,5 @@ def cross_jacobians(eye: Eye, line: Line, x: Array, y: Array, pose: Array, J: Ar
         q0, q1, q2 = turned_back(eye, x[k] * depth - p[0], y[k] * depth - p[1], depth - p[2])
         q0, q1, q2 = q0 - t0, q1 - t1, q2 - t2
         J[k, 0], J[k, 1], J[k, 2] = n0 * scale, n1 * scale, n2 * scale
-        J[k, 3] = (q1 * n2 - q2 * n1) * scale
-        J[k, 4] = (q2 * n0 - q0 * n2) * scale
-        J[k, 5] = (q0 * n1 - q1 * n0) * scale
+        m0, m1, m2 = cross_product(q0, q1, q2, n0, n1, n2)
+        J[k, 3], J[k, 4], J[k, 5] = m0 * scale, m1 * scale, m2 * scale

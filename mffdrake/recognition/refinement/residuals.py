@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.structs import Scene, Solid
-from mffdrake.recognition.poses.rotations import rotation
+from mffdrake.recognition.poses.rotations import rotated, rotation
 from mffdrake.recognition.refinement.borders import Borders
 from mffdrake.recognition.refinement.edge_lines import Lines, cross, cross_jacobians
 
@@ -26,8 +26,7 @@ def fix_gauge(N: Array, pose: Array, solid: Solid) -> None:
         return
     R_CM, turn = rotation(pose[3:]), np.empty(3)
     for axis in solid.symmetry_axes:
-        for i in range(3):
-            turn[i] = R_CM[i, 0] * axis[0] + R_CM[i, 1] * axis[1] + R_CM[i, 2] * axis[2]
+        turn[0], turn[1], turn[2] = rotated(R_CM, axis[0], axis[1], axis[2])
         for i in range(3):
             for j in range(i + 1):
                 N[3 + i, 3 + j] += turn[i] * turn[j] / _GAUGE_STD**2
