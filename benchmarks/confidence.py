@@ -51,8 +51,8 @@ FEATURES = {
     "uneven": "how much larger the share that they show is in one camera's image than in another's",
     "rough": "log of how far borders lie from edges, in units of 1.1 times what is expected; 0 below",
     "unfit · rough": "1 - fitness, times that",
-    "distrusted": "1 - mean robust weight of the borders",
-    "surprise": "log of 1 + how far the pose is from where it was expected, squared, in units of what is known of the motion",
+    "outliers": "1 - mean robust weight of the borders",
+    "innovation": "log of 1 + how far the pose is from where it was expected, squared, in units of what is known of the motion",
     "vague": "1 - probability that an error of the stated covariance is within 5 mm and 1 deg",
     "disagreement": "log of 1 + how far one camera's borders alone would move the pose [mm]",
 }

@@ -384,7 +384,7 @@ def test_the_result_hardly_depends_on_the_start():
     assert (spread[:3] < 3e-5).all() and (spread[3:] < 1e-4).all()
 
 
-def test_hardness_tells_blended_images():
+def test_aliasing_tells_blended_images():
     assert REFINER.refine(TRUTH, IMAGES[ALIASED]).aliasing == 1.0
     smooth = REFINER.refine(TRUTH, IMAGES[ANTIALIASED])
     assert smooth.aliasing < 0.2 and smooth.num_jumps == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -79,6 +80,34 @@ def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: 
     return matches
 
 
+class EdgePlane(NamedTuple):
+    """The plane through an edge and the camera's center.
+
+    Attributes:
+        nx, ny, nz: A normal, in the target's frame; not of unit length.
+        norm: Its length [m], which is the camera's distance from the edge's line.
+        depth: Of a point on the edge [m].
+    """
+
+    nx: float
+    ny: float
+    nz: float
+    norm: float
+    depth: float
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_plane(
+    a: float, b: float, c: float, directions: Array, k: int, placed: Placed
+) -> EdgePlane:
+    """The plane of an edge through a point (a, b, c) of the target, along the k-th direction."""
+    eye = placed.p_MK
+    dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+    nx, ny, nz = cross_product(dx, dy, dz, a - eye[0], b - eye[1], c - eye[2])
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return EdgePlane(nx, ny, nz, norm, in_camera(placed, a, b, c)[2])
+
+
 @njit(cache=True, error_model="numpy")
 def _place_inside(
     aspect: int,
@@ -102,7 +131,6 @@ def _place_inside(
     side_centers, side_directions = samples.side_centers, samples.side_directions
     face_sides, side_inward = samples.face_sides, samples.side_inward
     shown = samples.visibility.shown[aspect]
-    ox, oy, oz = placed.p_MK
     num_near = inside_distances.shape[1]
     least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
     kept = 0
@@ -114,18 +142,10 @@ def _place_inside(
         for s in range(samples.face_sides_start[face + 1] - first):
             side = face_sides[first + s]
             a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
-            sx, sy, sz = a - ox, b - oy, c - oz
-            dx, dy, dz = (
-                side_directions[side, 0],
-                side_directions[side, 1],
-                side_directions[side, 2],
-            )
-            nx, ny, nz = cross_product(dx, dy, dz, sx, sy, sz)
+            nx, ny, nz, norm, depth = _edge_plane(a, b, c, side_directions, side, placed)
             mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
             inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
-            norm = math.sqrt(nx * nx + ny * ny + nz * nz)
             across = abs(mx * nx + my * ny + mz * nz)
-            depth = in_camera(placed, a, b, c)[2]
             least[s] = scale * depth * norm / across if across > 0.0 else 0.0
             greatest = max(greatest, least[s])
         color = solid.colors[face]
@@ -183,7 +203,6 @@ def _place_strip(
     edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
     visibility = samples.visibility
     counted, rows = visibility.points, visibility.rows
-    ox, oy, oz = placed.p_MK
     kept = first
     for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
         # The edges between a visible and a hidden face
@@ -195,16 +214,12 @@ def _place_strip(
         j0, j1 = visibility.points_start[entry], visibility.points_start[entry + 1]
         q = counted[j0]
         a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
-        sx, sy, sz = a - ox, b - oy, c - oz
-        dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
-        nx, ny, nz = cross_product(dx, dy, dz, sx, sy, sz)
+        nx, ny, nz, norm, depth = _edge_plane(a, b, c, edge_directions, k, placed)
         m = edge_inward[k, inner]
         toward = nx * m[0] + ny * m[1] + nz * m[2]
-        norm = math.sqrt(nx * nx + ny * ny + nz * nz)
         if toward > 0.0:
             norm = -norm
         nx, ny, nz = nx / norm, ny / norm, nz / norm
-        depth = in_camera(placed, a, b, c)[2]
         for row in range(len(samples.strip_offsets)):
             offset = max(samples.strip_offsets[row], scale * depth)
             for j in range(j0, j1):

@@ -243,11 +243,12 @@ class PoseFilter:
         """The filter whose `numbers` were kept beside a pose vector."""
         n = np.array(numbers, dtype=float)
         n = n[: n.size - int(np.argmin(np.isnan(n[::-1])))]
-        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(n[:6])
+        size = math.isqrt(n.size - 8)  # of an error: it, its covariance and 2 + 6 numbers
+        own, motion, P, scalars, innovation = np.split(n, np.cumsum([6, size - 6, size**2, 2]))
+        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(own)
         own = pose_from_transform(R @ R_own, p + R @ p_own)
-        size = math.isqrt(n.size - 8)  # n^2 + n + 8 numbers
-        P = n[size:-8].reshape(size, size)
-        return cls(own, n[6:size], P, float(n[-8]), float(n[-7]), n[-6:])
+        nis, noise_scale = scalars.tolist()
+        return cls(own, motion, P.reshape(size, size), nis, noise_scale, innovation)
 
     def carried(self, R: ArrayLike, p: ArrayLike) -> PoseFilter:
         """The same, seen from another frame D.

@@ -6,7 +6,7 @@ coordinates it is straight; in the image the lens bends it.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -176,14 +176,25 @@ def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array)
             across[k] = lens.fy * y[k] + lens.cy
 
 
-@njit(cache=True, error_model="numpy")
-def _cross_bent(
-    lens: Lens, line: Line, at: float, share: float
-) -> tuple[float, float, float, float]:
-    """`cross` with a line that the lens bends, by Newton's steps along it.
+class Crossing(NamedTuple):
+    """Where a row (or column) crosses a line.
 
-    Returns the share of the line that comes before the place, and what `cross` finds.
+    Attributes:
+        share: Of the line that comes before the place.
+        across: The place's other pixel coordinate.
+        x: Its normalized coordinates.
+        y: The same.
     """
+
+    share: float
+    across: float
+    x: float
+    y: float
+
+
+@njit(cache=True, error_model="numpy")
+def _cross_bent(lens: Lens, line: Line, at: float, share: float) -> Crossing:
+    """`cross` with a line that the lens bends, by Newton's steps along it."""
     dx, dy = line.x1 - line.x0, line.y1 - line.y0
     u, v, x, y = 0.0, 0.0, 0.0, 0.0
     for _ in range(8):
@@ -197,7 +208,7 @@ def _cross_bent(
     across: float = u
     if not line.rows:
         across = v
-    return share, across, x, y
+    return Crossing(share, across, x, y)
 
 
 @njit(cache=True, error_model="numpy")

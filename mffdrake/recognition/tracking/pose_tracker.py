@@ -187,7 +187,7 @@ class PoseTracker:
             self._check_channel_order(images, pose)
             algorithm = algorithm.with_start(NearStart(pose, spread))
         self._next_frame = 0
-        return self._took(algorithm.start_population(images, frame=0))
+        return self._advance(algorithm.start_population(images, frame=0))
 
     def search(
         self,
@@ -212,7 +212,7 @@ class PoseTracker:
         found = PoseSearch(self.ga).search(
             images, generations, frame=self._next_frame, on_generation=on_generation
         )
-        return self._took(found.generation), found
+        return self._advance(found.generation), found
 
     def track(self, images: Images, X_DC: ArrayLike | None = None) -> Estimate:
         """Takes the next frame; the first one as `start` does.
@@ -241,9 +241,9 @@ class PoseTracker:
                     f"{X.shape}"
                 )
             generation = generation.carried(X[:3, :3], X[:3, 3])
-        return self._took(self.algorithm.track(generation, images, frame=self._next_frame))
+        return self._advance(self.algorithm.track(generation, images, frame=self._next_frame))
 
-    def _took(self, generation: Generation) -> Estimate:
+    def _advance(self, generation: Generation) -> Estimate:
         self._generation = generation
         frame, self._next_frame = self._next_frame, self._next_frame + 1
         estimate = Estimate(
