@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses as dc
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
@@ -16,7 +17,7 @@ from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.genetic.starts import RandomStart, Start
-from mffdrake.recognition.parameters import Count, Seed, check_fields
+from mffdrake.recognition.parameters import Count, check_fields
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import NoRefinement, Refiner
 
@@ -73,7 +74,7 @@ class OneStepGaTracker:
     refiner: Refiner = field(default_factory=NoRefinement)
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
-    seed: Seed = 0
+    seed: Annotated[int, Ge(0)] = 0
     _algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

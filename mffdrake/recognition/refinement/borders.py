@@ -102,15 +102,9 @@ def _mean_color(pixels: Image, first: int, second: int) -> Color:
 
 
 @njit(cache=True, error_model="numpy")
-def _shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
-    """The colors of an 8-bit pixel, one bit each."""
-    return look_up(gate.places, gate.table, red, green, blue)  # type: ignore[no-any-return]
-
-
-@njit(cache=True, error_model="numpy")
 def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
     """Whether a pixel shows a color."""
-    shown = _shown_colors(gate, pixels[k, 0], pixels[k, 1], pixels[k, 2])
+    shown = look_up(gate.places, gate.table, pixels[k, 0], pixels[k, 1], pixels[k, 2])
     return (shown & color) != 0  # type: ignore[no-any-return]
 
 
@@ -147,8 +141,8 @@ def _find_border(
     contrast = dr * dr + dg * dg + db * db
     if contrast < rules.min_contrast * rules.min_contrast:
         return nothing
-    within = _shown_colors(gate, int(r0), int(g0), int(b0))
-    beyond = _shown_colors(gate, int(r1), int(g1), int(b1))
+    within = look_up(gate.places, gate.table, int(r0), int(g0), int(b0))
+    beyond = look_up(gate.places, gate.table, int(r1), int(g1), int(b1))
     if (within & sides.inside) == 0:
         return nothing
     if sides.outside != 0:
