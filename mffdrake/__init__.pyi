@@ -85,6 +85,9 @@ from .recognition.poses.pose_motion import transport_pose as transport_pose
 from .recognition.recordings.color_file import DumpColors as DumpColors
 from .recognition.recordings.color_file import LoadColors as LoadColors
 from .recognition.recordings.image_files import SaveImage as SaveImage
+from .recognition.recordings.rig_file import DumpRig as DumpRig
+from .recognition.recordings.rig_file import LoadRig as LoadRig
+from .recognition.recordings.rig_file import RigError as RigError
 from .recognition.solid.mesh_file import ColoredMesh as ColoredMesh
 from .recognition.visibility.outline import DrawOutline as DrawOutline
 from .recognition.visibility.outline import DrawViews as DrawViews
@@ -103,9 +106,6 @@ from .systems.cameras.camera_frames import AddCameraFrame as AddCameraFrame
 from .systems.cameras.camera_frames import AddCameraFrames as AddCameraFrames
 from .systems.cameras.camera_info import CameraFromInfo as CameraFromInfo
 from .systems.cameras.camera_info import MakeCameraInfo as MakeCameraInfo
-from .systems.cameras.rig_file import DumpRig as DumpRig
-from .systems.cameras.rig_file import LoadRig as LoadRig
-from .systems.cameras.rig_file import RigError as RigError
 from .systems.cameras.stereo_camera import AddStereoCamera as AddStereoCamera
 from .systems.control.joint_encoders import JointEncoders as JointEncoders
 from .systems.control.oscillation import FitOscillation as FitOscillation

@@ -58,6 +58,15 @@ def room_imports(room, *forbidden):
     }
 
 
+ORDERS = {
+    "recognition": [
+        "parameters", "poses", "camera", "solid", "visibility", "fitness", "refinement", "genetic",
+        "acquisition", "tracking", "recordings",
+    ],
+}  # fmt: skip
+"""The sub-rooms of a room, each of which imports only from those before it and from itself."""
+
+
 def run_python(code):
     finished = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -91,6 +100,24 @@ def test_recognition_knows_nothing_of_drake_and_of_the_other_rooms():
 
 def test_systems_know_nothing_of_experiments():
     assert room_imports("systems", "mffdrake.experiment", "matplotlib", "tqdm") == set()
+
+
+@pytest.mark.parametrize("room", ORDERS)
+def test_arrows_between_sub_rooms_go_one_way(room):
+    """Imports for type checkers count, too; the room's own front door is for those outside."""
+    order, against = ORDERS[room], []
+    folders = {path.parent.name for path in (PACKAGE / room).glob("*/__init__.py")}
+    assert folders == set(order)
+    for source in SOURCES:
+        top, *inner = source.relative_to(PACKAGE).parts
+        if top != room or len(inner) < 2:
+            continue
+        allowed = order[: order.index(inner[0]) + 1]
+        own = [
+            name.split(".")[2:] for name in imported(source) if name.startswith(f"mffdrake.{room}.")
+        ]
+        against += [(source.name, name) for name in own if name[0] not in allowed]
+    assert against == []
 
 
 def test_files_stay_readable_in_one_sitting():

@@ -31,7 +31,7 @@ from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition import CameraRig, Matcher, SearchModel, SolidModel
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.recordings.files import WholeFile
-from mffdrake.recognition.solid import kept
+from mffdrake.recognition.solid import disk_cache
 from mffdrake.recognition.solid.symmetry import find_symmetries
 
 ROOT = Path(__file__).parents[2]
@@ -153,17 +153,17 @@ def cost_table(models: list[str]) -> str:
     matchers: dict[str, Matcher] = {}
     building: dict[str, list[float]] = {name: [] for name in solids}
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
-        kept.disk_memory.cache_clear()
+        disk_cache.disk_memory.cache_clear()
         for name in ("target_box", "mug"):  # After that all is compiled.
             Matcher(SearchModel(MODELS[f"models/{name}"]), rig).fitness(poses, images)
         shutil.rmtree(folder)
-        kept.disk_memory.cache_clear()
+        disk_cache.disk_memory.cache_clear()
         for name, solid in 2 * [*solids.items()]:
             start = time.perf_counter()
             matchers[name] = Matcher(SearchModel(solid), rig)
             matchers[name].fitness(poses, images)
             building[name].append(time.perf_counter() - start)
-    kept.disk_memory.cache_clear()
+    disk_cache.disk_memory.cache_clear()
     best = dict.fromkeys(matchers, math.inf)
     for _ in range(TRIES):
         for name, matcher in matchers.items():

@@ -80,7 +80,7 @@ def of_starts(case: Case, renderer: str, seed: int, poses: range) -> Judged:
 def of_wrong_optima(case: Case, renderer: str, seed: int, poses: range) -> Judged:
     """Poses that explain their borders and are wrong: where steps lead to from beside the truth.
 
-    Those that `Sight.resolve` would turn into others, or calls ambiguous, do not count.
+    Those that `Detector.resolve` would turn into others, or calls ambiguous, do not count.
     """
     draw, solid, rows = Renderer(case, renderer), SOLIDS[case.solid], []
     symmetries = find_symmetries(solid)
@@ -94,12 +94,12 @@ def of_wrong_optima(case: Case, renderer: str, seed: int, poses: range) -> Judge
             turn = rotate_by(angle * axis / np.linalg.norm(axis))
             eps = compose_quaternion_vectors(turn, true[3:])
             start = np.concatenate([true[:3] + rng.normal(0.0, SHIFT, 3), eps])
-            seen = tracker.sight.near(start, start, scene)
+            seen = tracker.detector.near(start, start, scene)
             if seen is None:
                 continue
             apart, turned = errors(seen.pose, true, symmetries)
             right = apart <= RIGHT_POSITION and turned <= RIGHT_ROTATION
-            resolved = tracker.sight.resolve(seen, scene)
+            resolved = tracker.detector.resolve(seen, scene)
             if not (right or resolved.ambiguous or resolved.refined is not seen.refined):
                 C = body_covariance(seen.pose, seen.refined.covariance)
                 rows.append(features(Evidence.of(seen.refined, C, seen.explained, 0.0)))

@@ -6,10 +6,10 @@ import weakref
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["Weakly"]
+__all__ = ["WeakCallback"]
 
 
-def Weakly(method: Callable[..., Any]) -> Callable[..., Any]:
+def WeakCallback(method: Callable[..., Any]) -> Callable[..., Any]:
     """A function that calls a method of an object as long as there is the object.
 
     A system owns its output ports, and pydrake's ports own the functions that compute them. Were

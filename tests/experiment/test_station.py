@@ -9,11 +9,11 @@ import pytest
 
 from mffdrake.experiment.runs.grid import MakeGrid
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
-from mffdrake.recognition.parameters.documentation import commented_yaml, json_schema
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition import Generation, RefinementParameters, TrackerParameters
 from mffdrake.recognition.parameters import plain
+from mffdrake.recognition.parameters.documentation import commented_yaml, json_schema
 from mffdrake.systems.vision.recognizer import PoseRecognizer
 
 ROOT = Path(__file__).parents[2]

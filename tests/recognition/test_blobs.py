@@ -1,4 +1,4 @@
-"""Grids, blobs of color, and looks of a solid from many sides."""
+"""Grids, blobs of color, and appearances of a solid from many sides."""
 
 import math
 
@@ -22,7 +22,7 @@ from mffdrake.recognition.visibility.aspects import as_drawn
 
 _blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
 _lens = pytest.importorskip("mffdrake.recognition.camera.lens")
-_looks = pytest.importorskip("mffdrake.recognition.acquisition.looks")
+_appearance = pytest.importorskip("mffdrake.recognition.acquisition.appearance")
 _rotations = pytest.importorskip("mffdrake.recognition.poses.rotations")
 
 PLAIN = Camera(width=160, height=120, fx=145.0, fy=150.0, cx=77.0, cy=61.5)
@@ -148,8 +148,22 @@ def patches_by_opencv(labels, of_one_color, least):
     return sorted(found, key=lambda patch: np.flatnonzero(patch[1])[0])
 
 
-def look_of(mask, labels, grid, direction, num_colors):
-    """Area and look of a patch along a direction, by a rotation of OpenCV's and plain sums."""
+def numbers_of(appearances):
+    """Appearances as rows: share, x and y of each color, and xx, xy, yy."""
+    count = len(appearances.moments)
+    colors = appearances.colors.view(float).reshape(count, 3 * appearances.colors.shape[1])
+    return np.hstack([colors, appearances.moments.view(float).reshape(count, 3)])
+
+
+def appearances_of(numbers):
+    """The inverse of `numbers_of`."""
+    colors = np.ascontiguousarray(numbers[:, :-3]).view(_appearance.COLOR)
+    moments = np.ascontiguousarray(numbers[:, -3:]).view(_appearance.SECOND_MOMENTS)
+    return _appearance.Appearances(colors, moments[:, 0].copy())
+
+
+def appearance_of(mask, labels, grid, direction, num_colors):
+    """Area and appearance of a patch along a direction, by OpenCV's rotation and plain sums."""
     z = np.array([*direction, 1.0]) / np.linalg.norm([*direction, 1.0])
     axis = np.cross([0.0, 0.0, 1.0], z)
     sine = np.linalg.norm(axis)
@@ -163,12 +177,12 @@ def look_of(mask, labels, grid, direction, num_colors):
     total = area.sum()
     middle = area @ p / total
     off = (p - middle) / math.sqrt(total)
-    look = []
+    numbers = []
     for color in range(num_colors):
         here = labels[mask] == color
-        look += [area[here].sum() / total, *(area[here] @ off[here] / total)]
+        numbers += [area[here].sum() / total, *(area[here] @ off[here] / total)]
     second = np.einsum("n,ni,nj->ij", area, off, off) / total
-    return total, np.array([*look, second[0, 0], second[0, 1], second[1, 1]])
+    return total, np.array([*numbers, second[0, 0], second[0, 1], second[1, 1]])
 
 
 @pytest.mark.parametrize("of_one_color", [False, True])
@@ -181,8 +195,9 @@ def test_blobs_are_opencv_s_connected_components(of_one_color, least):
         grid = grid_of(camera, 4)
         found = _blobs.find_blobs(labels, grid, seed, 3, of_one_color, least)
         expected = patches_by_opencv(labels, of_one_color, least)
-        assert len(found.blobs) == len(found.looks) == len(expected)
-        for blob, look, (color, mask) in zip(found.blobs, found.looks, expected, strict=True):
+        seen = numbers_of(found.appearances)
+        assert len(found.blobs) == len(seen) == len(expected)
+        for blob, numbers, (color, mask) in zip(found.blobs, seen, expected, strict=True):
             assert (blob["camera"], blob["color"]) == (seed, color)
             j, i = np.nonzero(mask)
             meets = j.min() == 0 or i.min() == 0 or j.max() == 59 or i.max() == 79
@@ -190,9 +205,9 @@ def test_blobs_are_opencv_s_connected_components(of_one_color, least):
             weights = grid.area[mask] / grid.area[mask].sum()
             assert blob["x"] == pytest.approx(weights @ grid.x[mask], abs=1e-12)
             assert blob["y"] == pytest.approx(weights @ grid.y[mask], abs=1e-12)
-            area, expected_look = look_of(mask, labels, grid, (blob["x"], blob["y"]), 3)
+            area, expected_numbers = appearance_of(mask, labels, grid, (blob["x"], blob["y"]), 3)
             assert blob["area"] == pytest.approx(area, rel=1e-9)
-            np.testing.assert_allclose(look, expected_look, atol=1e-9)
+            np.testing.assert_allclose(numbers, expected_numbers, atol=1e-9)
             compared += 1
     assert compared >= 20
 
@@ -201,11 +216,12 @@ def test_a_blob_s_area_and_moments_are_opencv_s_where_the_lens_is_plain_and_it_l
     labels = np.full((120, 160), -1, dtype=np.int8)
     cv2.ellipse(labels, (77, 61), (30, 12), 35.0, 0.0, 360.0, 0, -1)
     camera = Camera(width=160, height=120, fx=5000.0, fy=5000.0, cx=77.0, cy=61.0)
-    (blob,), (look,) = _blobs.find_blobs(labels, grid_of(camera), 0, 1, False, 1)
+    (blob,), appearances = _blobs.find_blobs(labels, grid_of(camera), 0, 1, False, 1)
+    (numbers,) = numbers_of(appearances)
     m = cv2.moments((labels == 0).astype(np.uint8), binaryImage=True)
     assert blob["area"] * 5000.0**2 == pytest.approx(m["m00"], rel=1e-4)
-    np.testing.assert_allclose(look[3:], [m["nu20"], m["nu11"], m["nu02"]], atol=1e-4)
-    np.testing.assert_allclose(look[:3], [1.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(numbers[3:], [m["nu20"], m["nu11"], m["nu02"]], atol=1e-4)
+    np.testing.assert_allclose(numbers[:3], [1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_a_blob_cut_by_the_rim_of_the_lens_is_clipped():
@@ -225,15 +241,15 @@ def test_a_blob_cut_by_the_rim_of_the_lens_is_clipped():
 def test_no_labels_no_blobs():
     labels = np.full((120, 160), -1, dtype=np.int8)
     found = _blobs.find_blobs(labels, grid_of(PLAIN), 0, 3, False, 6)
-    assert len(found.blobs) == 0 and found.looks.shape == (0, 12)
+    assert len(found.blobs) == 0 and numbers_of(found.appearances).shape == (0, 12)
 
 
-# Looks
+# Appearances
 
 
 @pytest.mark.parametrize("count", [500, 6000])
 def test_turns_spread_evenly_over_all_orientations(count):
-    turns = _looks.spread_turns(count)
+    turns = _appearance.spread_turns(count)
     np.testing.assert_allclose(np.linalg.norm(turns, axis=1), 1.0, atol=1e-12)
     assert (turns[:, 0] >= 0.0).all()
     # Angles from any orientation are spread as (theta - sin theta) / pi.
@@ -256,7 +272,7 @@ def test_turns_spread_evenly_over_all_orientations(count):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_looks_are_those_of_the_solid_s_images(name):
+def test_appearances_are_those_of_the_solid_s_images(name):
     solid, distance = SOLIDS[name], 0.8
     off = np.array([0.03, -0.02, 0.01])  # The frame need not lie in the middle.
     solid = SolidModel(solid.vertices + off, solid.faces, solid.hues)
@@ -264,29 +280,31 @@ def test_looks_are_those_of_the_solid_s_images(name):
     matcher = Matcher(SearchModel(solid), CameraRig((camera,)))
     by_bit = np.arange(32, dtype=np.int8)
     classes = np.array([matcher.colors.names.index(m) for m in solid.materials], dtype=np.int8)
-    num_colors, turns = len(matcher.colors.names), _looks.spread_turns(60)
-    corners = _looks.Corners(solid.vertices, solid.edges, solid.edge_faces)
-    table = _looks.make_looks(matcher.struct, corners, classes, num_colors, distance, turns)
+    num_colors, turns = len(matcher.colors.names), _appearance.spread_turns(60)
+    corners = _appearance.Corners(solid.vertices, solid.edges, solid.edge_faces)
+    table = _appearance.project_appearances(
+        matcher.struct, corners, classes, num_colors, distance, turns
+    )
     drawn = as_drawn(solid)
-    coarse = _looks.draw_looks(drawn, classes, num_colors, distance, turns)
+    coarse = _appearance.draw_appearances(drawn, classes, num_colors, distance, turns)
     np.testing.assert_allclose(coarse.area, table.area, rtol=0.06)
     np.testing.assert_allclose(coarse.center, table.center, atol=0.002)
-    np.testing.assert_allclose(coarse.looks, table.looks, atol=0.02)
+    told = numbers_of(table.appearances)
+    np.testing.assert_allclose(numbers_of(coarse.appearances), told, atol=0.02)
     grid = grid_of(camera)
-    for turn, area, center, expected in zip(
-        turns, table.area, table.center, table.looks, strict=True
-    ):
+    for turn, area, center, expected in zip(turns, table.area, table.center, told, strict=True):
         R = rotation_of(turn)
         psi = pose([0.0, 0.0, distance] - R @ solid.vertices.mean(axis=0), turn[1:])
         scene = matcher.scene(render(solid, psi, matcher.rig))
         labels = _blobs.label_pixels(scene.views[0], grid, scene.gate, by_bit)
-        (blob,), (look,) = _blobs.find_blobs(labels, grid, 0, num_colors, False, 6)
+        (blob,), appearances = _blobs.find_blobs(labels, grid, 0, num_colors, False, 6)
+        (numbers,) = numbers_of(appearances)
         assert blob["area"] * distance**2 == pytest.approx(area, rel=0.02)
         middle = -distance * np.array([blob["x"], blob["y"]])
         np.testing.assert_allclose(center, middle, atol=5e-4)
-        np.testing.assert_allclose(look[:-3], expected[:-3], atol=0.01)
-        np.testing.assert_allclose(look[-3:], expected[-3:], atol=0.002)
-    assert np.ptp(table.looks, axis=0).min() > 0.04  # They differ, and so does each number.
+        np.testing.assert_allclose(numbers[:-3], expected[:-3], atol=0.01)
+        np.testing.assert_allclose(numbers[-3:], expected[-3:], atol=0.002)
+    assert np.ptp(told, axis=0).min() > 0.04  # They differ, and so does each number.
 
 
 def rotation_of(turn):
@@ -300,7 +318,7 @@ def test_products_of_quaternions_are_those_of_rotations():
     rng = np.random.default_rng(2)
     a, b = rng.normal(size=(2, 20, 4))
     a, b = (q / np.linalg.norm(q, axis=1, keepdims=True) for q in (a, b))
-    products = _looks.multiply_all(a[0], b)
+    products = _appearance.multiply_all(a[0], b)
     for q, product in zip(b, products, strict=True):
         np.testing.assert_allclose(product, _rotations.multiply(a[0], q), atol=1e-15)
         R = rotation_of(a[0]) @ rotation_of(q)
@@ -309,16 +327,18 @@ def test_products_of_quaternions_are_those_of_rotations():
         np.testing.assert_allclose(product, [quaternion_scalar(eps), *eps], atol=1e-7)
 
 
-def test_the_looks_most_alike_come_first():
+def test_the_most_similar_appearances_come_first():
     rng = np.random.default_rng(3)
-    looks = rng.normal(size=(200, 9))
-    table = _looks.Looks(np.zeros((200, 4)), np.ones(200), np.zeros((200, 2)), looks)
+    known, seen = rng.normal(size=(200, 9)), rng.normal(size=(10, 9))
+    table = _appearance.AppearanceTable(
+        np.zeros((200, 4)), np.ones(200), np.zeros((200, 2)), appearances_of(known)
+    )
     weights = np.array([1.0] * 6 + [4.0] * 3)
-    for look in rng.normal(size=(10, 9)):
-        alike = np.full(16, -1)
-        _looks.find_alike(look, table, 16, alike)
-        order = np.argsort(((look - looks) ** 2) @ weights)
-        np.testing.assert_array_equal(alike, order[:16])
+    for n, numbers in enumerate(seen):
+        similar = np.full(16, -1)
+        _appearance.find_similar(appearances_of(seen), n, table, 16, similar)
+        order = np.argsort(((numbers - known) ** 2) @ weights)
+        np.testing.assert_array_equal(similar, order[:16])
 
 
 # Noise

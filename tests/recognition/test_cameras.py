@@ -336,12 +336,12 @@ def test_other_lenses_are_named():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"width": 0}, "width must be positive"), ({"height": -1}, "height must be positive"),
+        ({"width": 0}, "width must be at least 1"), ({"height": -1}, "height must be at least 1"),
         ({"width": 64.5}, "width must be a whole number"), ({"fx": 0.0}, "fx must be positive"),
-        ({"fy": math.inf}, "fy must be positive"), ({"cx": math.nan}, "cx must be finite"),
+        ({"fy": math.inf}, "fy must be finite"), ({"cx": math.nan}, "cx must be finite"),
         ({"cy": math.inf}, "cy must be finite"),
         ({"calibration_error": -0.1}, "calibration_error must be at least 0"),
-        ({"calibration_error": math.nan}, "calibration_error must be at least 0"),
+        ({"calibration_error": math.nan}, "calibration_error must be finite"),
         ({"p_CK": (0.0, 0.0)}, "p_CK must be"), ({"p_CK": (0.0, 0.0, math.nan)}, "p_CK must be"),
         ({"R_CK": np.eye(2)}, "R_CK must be"), ({"R_CK": 1.1 * np.eye(3)}, "must be a rotation"),
         ({"R_CK": np.diag([1.0, 1.0, -1.0])}, "must be a rotation"),

@@ -1,4 +1,4 @@
-"""In hard images, the pose in the middle of all that draw the same borders."""
+"""In aliased images, the pose in the middle of all that draw the same borders."""
 
 import math
 
@@ -25,7 +25,7 @@ def some_pose(rng, degrees):
 
 
 def found(psi, images):
-    """Scene, lines and trusted borders at a pose."""
+    """Scene, lines and inliers at a pose."""
     scene = REFINER.matcher.scene(images)
     lines = edge_lines.edge_lines(psi, scene.solid, scene.views)
     stage, rules = borders_module.Stage(3, 1, 8), REFINER.rules
@@ -36,7 +36,7 @@ def found(psi, images):
 
 def distances(psi, lines, walls, scene):
     residuals, J = np.empty(len(walls)), np.empty((len(walls), 6))
-    border_residuals.compare(psi, lines, walls, scene, residuals, J)
+    border_residuals.linearize(psi, lines, walls, scene, residuals, J)
     return residuals, J
 
 
@@ -46,8 +46,8 @@ def test_the_walls_are_the_ends_of_the_runs_at_one_pixel(degrees):
     _, _, borders = found(psi, render(BOX, psi, RIG))
     walls = centering.find_walls(borders)
     expected = []
-    for slot in np.unique(borders["slot"]):
-        rows = borders[borders["slot"] == slot]
+    for line in np.unique(borders["line"]):
+        rows = borders[borders["line"] == line]
         pixels = np.floor(rows["across"])
         for k in range(len(rows)):
             inner = 0 < k < len(rows) - 1 and (
@@ -55,8 +55,8 @@ def test_the_walls_are_the_ends_of_the_runs_at_one_pixel(degrees):
                 and rows["along"][k + 1] - rows["along"][k - 1] == 2
             )
             if not inner:
-                expected.append((slot, rows["along"][k], pixels[k] + 0.5))
-    assert [(w["slot"], w["along"], w["across"]) for w in walls] == expected
+                expected.append((line, rows["along"][k], pixels[k] + 0.5))
+    assert [(w["line"], w["along"], w["across"]) for w in walls] == expected
     assert len(walls) < len(borders)
 
 
@@ -110,9 +110,9 @@ def test_the_center_does_not_depend_on_where_the_steps_begin():
 def test_borders_that_contradict_each_other_have_no_center():
     psi = some_pose(np.random.default_rng(4), 0.3)
     scene, lines, borders = found(psi, render(BOX, psi, RIG))
-    slot = borders["slot"][0]
-    borders["across"][borders["slot"] == slot] += np.where(
-        np.arange((borders["slot"] == slot).sum()) % 2, 2.0, -2.0
+    line = borders["line"][0]
+    borders["across"][borders["line"] == line] += np.where(
+        np.arange((borders["line"] == line).sum()) % 2, 2.0, -2.0
     )
     assert not centering.center(psi, lines, borders, scene)[0]
     assert not centering.center(psi, lines, borders[:5], scene)[0]

@@ -645,7 +645,7 @@ def test_images_may_be_bgr():
     swapped = [image[..., ::-1] for image in images]
     np.testing.assert_array_equal(bgr.fitness(poses, swapped), rgb.fitness(poses, images))
     assert (bgr.fitness(poses, images) < rgb.fitness(poses, images) - 0.1).any()
-    with pytest.raises(ValueError, match="channel_order must be 'rgb' or 'bgr', not 'gbr'"):
+    with pytest.raises(ValueError, match="channel_order must be one of rgb, bgr, not 'gbr'"):
         Matcher(model, RIG, channel_order="gbr")
 
 

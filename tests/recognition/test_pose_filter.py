@@ -327,12 +327,12 @@ def test_errors_grow_as_they_do_when_the_pose_and_the_motion_are_moved(seed, mod
     np.testing.assert_allclose(later.covariance, expected, atol=1e-6 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("unrest", [1.0, 3.0])
-def test_a_target_at_rest_gains_the_noise_of_white_accelerations(unrest):
+@pytest.mark.parametrize("noise_scale", [1.0, 3.0])
+def test_a_target_at_rest_gains_the_noise_of_white_accelerations(noise_scale):
     rules = PoseFilterParameters(acceleration=0.4, angular_acceleration=1.5, adaptive=True)
     pose, dt = np.array([0.1, 0.2, 0.8, 0.1, 0.2, 0.3]), 0.2
-    known = PoseFilter(pose, np.zeros(6), np.zeros((12, 12)), unrest=unrest)
-    q = unrest**2 * np.diag(3 * [0.4**2] + 3 * [1.5**2])
+    known = PoseFilter(pose, np.zeros(6), np.zeros((12, 12)), noise_scale=noise_scale)
+    q = noise_scale**2 * np.diag(3 * [0.4**2] + 3 * [1.5**2])
     expected = np.block([[q * dt**3 / 3, q * dt**2 / 2], [q * dt**2 / 2, q * dt]])
     P = known.predict(dt, rules).covariance
     np.testing.assert_allclose(P, expected, rtol=1e-13, atol=1e-18)
@@ -399,7 +399,7 @@ def test_a_shift_is_weighed_as_in_the_textbook(seed):
     np.testing.assert_allclose(new.pose, known.pose + change[:6], atol=1e-12)
     np.testing.assert_allclose(new.twist, known.twist + change[6:], atol=1e-12)
     np.testing.assert_allclose(new.covariance, (np.eye(12) - K @ H) @ P, atol=1e-12)
-    assert new.surprise == pytest.approx(away @ np.linalg.inv(H @ P @ H.T + N) @ away / 6)
+    assert new.nis == pytest.approx(away @ np.linalg.inv(H @ P @ H.T + N) @ away / 6)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -409,7 +409,7 @@ def test_seeing_the_expected_pose_moves_nothing_and_makes_all_more_certain(seed,
     known = some_filter(rng, angle)
     new = known.update(known.pose, pose_covariance(known.pose, spread(rng, 6, 0.01)))
     np.testing.assert_allclose(apart(known, new), 0, atol=1e-6)
-    assert new.surprise < 1e-9
+    assert new.nis < 1e-9
     shrunk = known.covariance - new.covariance
     assert np.linalg.eigvalsh(shrunk).min() > -1e-6 * np.abs(shrunk).max()
     assert np.trace(new.covariance[:6, :6]) < 0.1 * np.trace(known.covariance[:6, :6])
@@ -507,23 +507,23 @@ class Targets:
             yield apart(known, true), known.covariance
 
 
-def test_errors_are_as_large_as_the_filter_says_and_surprises_as_usual():
+def test_errors_are_as_large_as_the_filter_says_and_innovations_too():
     rng, rules, dt, frames = np.random.default_rng(1), PoseFilterParameters(speed=0.5), 0.033, 12
     targets = Targets(rng, 200, rules)
     L = np.linalg.cholesky(spread(rng, 6) * np.outer(*2 * [np.repeat([1e-3, 4e-3], 3)]))
     filters = [PoseFilter.of(seen, C, rules) for seen, C in targets.see(L)]
-    surprises, sizes = [], []
+    ratios, sizes = [], []
     for _ in range(frames):
         targets.move(dt)
         filters = [
             known.predict(dt, rules).update(seen, C)
             for known, (seen, C) in zip(filters, targets.see(L), strict=True)
         ]
-        surprises.append([known.surprise for known in filters])
+        ratios.append([known.nis for known in filters])
         sizes.append([e @ np.linalg.solve(P, e) for e, P in targets.errors(filters)])
     # Chi-square of 12 and 6 degrees of freedom; four standard deviations of the means.
     np.testing.assert_allclose(np.mean(sizes, axis=1), 12, atol=4 * np.sqrt(2 * 12 / 200))
-    assert np.mean(surprises) == pytest.approx(1, abs=4 * np.sqrt(2 / 6 / (200 * frames)))
+    assert np.mean(ratios) == pytest.approx(1, abs=4 * np.sqrt(2 / 6 / (200 * frames)))
     for part in (slice(0, 100), slice(100, 200)):  # anywhere, and near half turns
         assert np.mean(np.array(sizes)[-1, part]) == pytest.approx(12, abs=4 * np.sqrt(0.24))
 
@@ -577,7 +577,7 @@ def test_the_filter_is_the_same_from_wherever_it_is_seen(seed, angle):
     seen_D = transport_pose(seen, R_DC, p_DC)
     new = known.update(seen, pose_covariance(seen, C))
     new_D = carried.update(seen_D, pose_covariance(seen_D, back @ C @ back.T))
-    assert new_D.surprise == pytest.approx(new.surprise, rel=1e-6)
+    assert new_D.nis == pytest.approx(new.nis, rel=1e-6)
     for a, b in ((new, new_D), (known.predict(0.1, RULES), carried.predict(0.1, RULES))):
         assert_same_filter(a.carried(R_DC, p_DC), b, 1e-8)
 
@@ -598,7 +598,7 @@ def test_a_filter_comes_back_from_its_numbers_and_goes_along_with_the_pose_besid
     assert numbers.shape == (NUM_NUMBERS,)
     again = PoseFilter.of_numbers(beside, numbers)
     np.testing.assert_allclose(again.pose, known.pose, atol=1e-12)
-    for name in ("motion", "covariance", "surprise", "unrest", "innovation"):
+    for name in ("motion", "covariance", "nis", "noise_scale", "innovation"):
         np.testing.assert_array_equal(getattr(again, name), getattr(known, name))
     R_DC, p_DC = turn(rng.normal(size=3)), rng.normal(size=3)
     along = PoseFilter.of_numbers(transport_pose(beside, R_DC, p_DC), numbers)
@@ -625,40 +625,40 @@ def test_a_filter_that_is_told_wrong_errors_still_learns_how_restless_a_target_i
         L = np.diag(3 * [1e-4] + 3 * [1e-3])
         rules = PoseFilterParameters(acceleration=0.2, angular_acceleration=0.2, adaptive=True)
         filters = [PoseFilter.of(seen, scale**2 * C, rules) for seen, C in targets.see(L)]
-        unrests = []
+        noise_scales = []
         for _ in range(250):
             targets.move(dt, parts=1)
             filters = [
                 known.predict(dt, rules).update(seen, scale**2 * C)
                 for known, (seen, C) in zip(filters, targets.see(L), strict=True)
             ]
-            unrests.append([known.unrest for known in filters])
-        found[strength] = 0.2 * np.exp(np.mean(np.log(unrests[100:])))
+            noise_scales.append([known.noise_scale for known in filters])
+        found[strength] = 0.2 * np.exp(np.mean(np.log(noise_scales[100:])))
     assert found[0.05] < 0.16 * scale and found[0.8] > 0.3 * scale
 
 
-def test_an_adaptive_filter_is_restless_where_it_was_surprised_and_calms_down():
+def test_an_adaptive_filter_scales_its_noise_up_after_a_jolt_and_down_again():
     rules = PoseFilterParameters(acceleration=0.1, angular_acceleration=0.1, adaptive=True)
     pose = np.array([0.0, 0.1, 0.8, 0.0, 0.0, 0.0])
     known = PoseFilter.of(pose, 1e-8 * np.eye(6), rules)
     for _ in range(30):
         known = known.predict(0.033, rules).update(pose, 1e-8 * np.eye(6))
-    calmest = known.unrest
+    calmest = known.noise_scale
     assert calmest < 0.5  # As expected for so long, it is trusted to go on like that.
     jumped = known.predict(0.033, rules).update(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
-    assert jumped.surprise > 100.0 and jumped.unrest > 2.0
+    assert jumped.nis > 100.0 and jumped.noise_scale > 2.0
     wide, narrow = (
         jumped.predict(0.033, rules),
-        dc.replace(jumped, unrest=1.0).predict(0.033, rules),
+        dc.replace(jumped, noise_scale=1.0).predict(0.033, rules),
     )
     assert np.trace(wide.covariance) > np.trace(narrow.covariance)
-    unmoved = known.surprised(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
+    unmoved = known.reject(pose + [0.1, 0, 0, 0, 0, 0], 1e-8 * np.eye(6))
     np.testing.assert_array_equal(unmoved.pose, known.pose)
-    assert unmoved.unrest > 2.0
+    assert unmoved.noise_scale > 2.0
     for _ in range(60):
         known = jumped = jumped.predict(0.033, rules)
         jumped = jumped.update(known.pose, 1e-8 * np.eye(6))
-    assert jumped.unrest == calmest
+    assert jumped.noise_scale == calmest
 
 
 # Parameters

@@ -164,7 +164,7 @@ def test_images_in_the_other_order_are_refused_where_the_pose_is_known():
 def test_the_order_must_be_stated():
     with pytest.raises(TypeError, match="channel_order"):
         PoseTracker.of(RIG, BOX)
-    with pytest.raises(ValueError, match="channel_order must be 'rgb' or 'bgr', not 'rgba'"):
+    with pytest.raises(ValueError, match="channel_order must be one of rgb, bgr, not 'rgba'"):
         of(channel_order="rgba")
 
 

@@ -32,6 +32,8 @@ from mffdrake.recognition import (
 from mffdrake.recognition.acquisition.proposals import Proposer
 from mffdrake.recognition.solid.symmetry import find_symmetries
 
+new_appearances = pytest.importorskip("mffdrake.recognition.acquisition.appearance").new_appearances
+
 _blobs = pytest.importorskip("mffdrake.recognition.acquisition.blobs")
 _proposals = pytest.importorskip("mffdrake.recognition.acquisition.proposing")
 
@@ -185,11 +187,11 @@ def test_there_is_room_for_all_pairs_of_many_blobs():
     places = [(0, 0, 0.02 / z**2, 0.0, 0.0)] * many
     places += [(1, 0, 0.02 / z**2, 0.15 / z, 0.0)] * many
     blobs = blobs_at(*places)
-    looks = np.zeros((2 * many, 12))
-    looks[:, 0] = 1.0
+    appearances = new_appearances(2 * many, 3)
+    appearances.colors["share"][:, 0] = 1.0
     eyes = tuple(camera.eye for camera in STEREO.cameras)
-    _, R, p = _proposals.rig_frames(blobs, eyes, proposer.turns)
-    sources = _proposals.pair_blobs(blobs, looks, R, p, proposer.table, proposer.bounds)
+    frames = _proposals.rig_frames(blobs, eyes, proposer.turns)
+    sources = _proposals.pair_blobs(blobs, appearances, frames, proposer.table, proposer.bounds)
     pairs = ~np.isnan(sources["depth"])
     assert pairs.sum() == many**2 and (~pairs).sum() == 2 * many
     np.testing.assert_allclose(sources["depth"][pairs], z, rtol=1e-9)

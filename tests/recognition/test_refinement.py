@@ -43,6 +43,7 @@ from mffdrake.recognition.poses.pose import (
     transform_from_pose,
 )
 from mffdrake.recognition.poses.pose_motion import rotate_by, transport_pose
+from mffdrake.recognition.refinement.outcome import Outcome
 
 _borders = pytest.importorskip("mffdrake.recognition.refinement.borders")
 _edge_lines = pytest.importorskip("mffdrake.recognition.refinement.edge_lines")
@@ -55,7 +56,7 @@ RIG = CameraRig.stereo()
 MATCHER = Matcher(SearchModel(BOX), RIG)
 REFINER = BorderRefiner(MATCHER)
 TRUTH = pose((0.02, 0.15, 0.78), (0.06, 0.12, -0.05))
-HARD, SMOOTH = 1, 6
+ALIASED, ANTIALIASED = 1, 6
 """Rays a pixel along each side: without blended pixels, and with."""
 
 IMAGES = {sampling: render(BOX, TRUTH, RIG, supersampling=sampling) for sampling in (1, 6)}
@@ -101,7 +102,7 @@ def struct_of(solid, rig=RIG):
 
 
 def lines_at(psi, solid=BOX, rig=RIG):
-    """The lines of all slots."""
+    """All lines."""
     black = [np.zeros((c.height, c.width, 3), dtype=np.uint8) for c in rig.cameras]
     return _edge_lines.edge_lines(np.asarray(psi), struct_of(solid, rig), rig.views(black))
 
@@ -136,7 +137,7 @@ def distances(lines, borders, rig=RIG):
         [
             border["across"]
             - cross(
-                rig.cameras[border["slot"] // num_edges], lines[border["slot"]], border["along"]
+                rig.cameras[border["line"] // num_edges], lines[border["line"]], border["along"]
             )[0]
             for border in borders
         ]
@@ -164,8 +165,8 @@ def test_lines_are_the_edges_projections(name, rig):
         lines = lines_at(psi, solid, rig)
         assert len(lines) == len(rig.cameras) * len(solid.edges)
         assert lines["seen"].all()
-        for slot, line in enumerate(lines):
-            k, edge = divmod(slot, len(solid.edges))
+        for n, line in enumerate(lines):
+            k, edge = divmod(n, len(solid.edges))
             camera = rig.cameras[k]
             (first, last), (R_KM, p_KM) = solid.vertices[solid.edges[edge]], in_camera(psi, camera)
             shares = np.array([[0.0], [0.3], [1.0]])
@@ -182,10 +183,10 @@ def test_lines_are_the_edges_projections(name, rig):
 def test_slopes_are_the_numerical_ones_at_the_middle_of_the_lines(rig):
     for psi in random_poses_in_view(np.random.default_rng(30), PRISM, rig, 3):
         lines = lines_at(psi, PRISM, rig)
-        for slot, line in enumerate(lines):
+        for n, line in enumerate(lines):
             if abs(line["last"] - line["first"]) < 1.0:
                 continue
-            camera = rig.cameras[slot // len(PRISM.edges)]
+            camera = rig.cameras[n // len(PRISM.edges)]
             middle = 0.5 * np.array([line["x0"] + line["x1"], line["y0"] + line["y1"]])
             u, v = project(camera, np.array([[*middle, 1.0]]))[0]
             at, h = (v if line["rows"] else u), 1e-3
@@ -232,16 +233,16 @@ def test_the_jacobian_is_the_numerical_derivative(name, rig):
                 views,
                 True,
             )
-        for slot, line in enumerate(lines):
+        for n, line in enumerate(lines):
             if abs(line["last"] - line["first"]) < 1.0:
                 continue
-            camera = rig.cameras[slot // len(solid.edges)]
+            camera = rig.cameras[n // len(solid.edges)]
             at = line["first"] + rng.uniform(0.1, 0.9) * (line["last"] - line["first"])
             _, x, y = cross(camera, line, at)
             J = np.empty((1, 6))
             _edge_lines.cross_jacobians(camera.eye, line, np.array([x]), np.array([y]), psi, J)
             for i in range(6):
-                after, before = (cross(camera, moved[i, sign][slot], at)[0] for sign in (1.0, -1.0))
+                after, before = (cross(camera, moved[i, sign][n], at)[0] for sign in (1.0, -1.0))
                 assert J[0, i] == pytest.approx((after - before) / (2.0 * h), rel=2e-5, abs=2e-3)
 
 
@@ -260,8 +261,8 @@ def test_the_solver_solves():
 @pytest.mark.parametrize(
     ("name", "sampling", "rig"),
     [
-        *itertools.product(SOLIDS, (HARD, SMOOTH), ["pair"]),
-        ("box", HARD, "plumb_bob"), ("prism", 4, "equidistant"),
+        *itertools.product(SOLIDS, (ALIASED, ANTIALIASED), ["pair"]),
+        ("box", ALIASED, "plumb_bob"), ("prism", 4, "equidistant"),
     ],
 )  # fmt: skip
 def test_borders_lie_on_the_edges_without_bias(name, sampling, rig):
@@ -274,11 +275,11 @@ def test_borders_lie_on_the_edges_without_bias(name, sampling, rig):
         # Outward is away from the solid's middle.
         r = distances(lines, borders, rig)
         found.append(r)
-        for slot in np.unique(borders["slot"]):
-            line, camera = lines[slot], rig.cameras[slot // len(solid.edges)]
+        for n in np.unique(borders["line"]):
+            line, camera = lines[n], rig.cameras[n // len(solid.edges)]
             middle, across = _middle(psi, solid, camera, line)
             beyond = cross(camera, line, middle)[0] > across
-            count = (borders["slot"] == slot).sum()
+            count = (borders["line"] == n).sum()
             signs.append(np.full(count, 1.0 if beyond else -1.0))
     found, signs = np.concatenate(found), np.concatenate(signs)
     assert len(found) > 3000
@@ -305,7 +306,7 @@ def test_jumps_of_a_hard_border_lie_within_half_a_row():
     for psi in arc_poses(9) + [0.001, 0.002, 0.003, 0.002, 0.0, 0.004]:
         lines, borders = borders_at(psi, render(BOX, psi, RIG))
         jumps = _borders.find_jumps(borders, lines)
-        slope = lines["slope"][jumps["slot"]]
+        slope = lines["slope"][jumps["line"]]
         seen.append(distances(lines, jumps) / slope)
         assert (jumps["within"] == 1.0).all()  # no row wavers
     seen = np.concatenate(seen)
@@ -319,7 +320,7 @@ def test_neighbors_of_the_same_hue_have_no_border():
     psi = pose((0.0, 0.155, 0.8), (0.1, 0.2, 0.1))
     _, borders = borders_at(psi, render(same, psi, RIG), same)
     looking = (same.normals @ rotation(psi[3:]).T * psi[:3]).sum(axis=1) < 0
-    pairs = looking[same.edge_faces[borders["slot"] % 12]]
+    pairs = looking[same.edge_faces[borders["line"] % 12]]
     assert len(borders) > 200
     assert (pairs.sum(axis=1) == 1).all()
 
@@ -335,7 +336,12 @@ def test_borders_of_another_color_on_the_inside_do_not_count():
 
 @pytest.mark.parametrize(
     ("sampling", "noise", "position", "angle"),
-    [(HARD, 0, 0.30, 0.08), (HARD, 5, 0.30, 0.08), (SMOOTH, 0, 0.1, 0.03), (SMOOTH, 5, 0.2, 0.06)],
+    [
+        (ALIASED, 0, 0.30, 0.08),
+        (ALIASED, 5, 0.30, 0.08),
+        (ANTIALIASED, 0, 0.1, 0.03),
+        (ANTIALIASED, 5, 0.2, 0.06),
+    ],
 )
 @pytest.mark.parametrize("name", SOLIDS)
 def test_accuracy_from_three_millimeters_and_one_degree_off(name, sampling, noise, position, angle):
@@ -365,27 +371,27 @@ def test_image_sizes(width, limit):
 
 def test_an_alpha_channel_makes_no_difference():
     start = displaced(TRUTH, np.random.default_rng(13))
-    plain = REFINER.refine(start, IMAGES[HARD])
-    alpha = [np.dstack([im, np.full(im.shape[:2], 255, np.uint8)]) for im in IMAGES[HARD]]
+    plain = REFINER.refine(start, IMAGES[ALIASED])
+    alpha = [np.dstack([im, np.full(im.shape[:2], 255, np.uint8)]) for im in IMAGES[ALIASED]]
     np.testing.assert_array_equal(REFINER.refine(start, alpha).pose, plain.pose)
 
 
 def test_the_result_hardly_depends_on_the_start():
     rng = np.random.default_rng(14)
-    results = [REFINER.refine(displaced(TRUTH, rng), IMAGES[HARD]) for _ in range(10)]
+    results = [REFINER.refine(displaced(TRUTH, rng), IMAGES[ALIASED]) for _ in range(10)]
     assert all(result.converged for result in results)
     spread = np.std([result.pose for result in results], axis=0)
     assert (spread[:3] < 3e-5).all() and (spread[3:] < 1e-4).all()
 
 
-def test_hardness_tells_blended_images():
-    assert REFINER.refine(TRUTH, IMAGES[HARD]).hardness == 1.0
-    smooth = REFINER.refine(TRUTH, IMAGES[SMOOTH])
-    assert smooth.hardness < 0.2 and smooth.num_jumps == 0
+def test_aliasing_tells_blended_images():
+    assert REFINER.refine(TRUTH, IMAGES[ALIASED]).aliasing == 1.0
+    smooth = REFINER.refine(TRUTH, IMAGES[ANTIALIASED])
+    assert smooth.aliasing < 0.2 and smooth.num_jumps == 0
 
 
 @pytest.mark.parametrize("images", IMAGES)
-def test_noise_changes_neither_the_hardness_nor_what_is_expected(images):
+def test_noise_changes_neither_the_aliasing_nor_what_is_expected(images):
     rng = np.random.default_rng(5)
     clear = REFINER.refine(TRUTH, IMAGES[images])
     noisy = [
@@ -393,7 +399,7 @@ def test_noise_changes_neither_the_hardness_nor_what_is_expected(images):
         for image in IMAGES[images]
     ]
     found = REFINER.refine(TRUTH, noisy)
-    assert found.hardness == pytest.approx(clear.hardness, abs=0.06)
+    assert found.aliasing == pytest.approx(clear.aliasing, abs=0.06)
     assert found.expected_residual == pytest.approx(clear.expected_residual, rel=0.05)
     assert found.residual < 1.3 * found.expected_residual
 
@@ -480,9 +486,9 @@ def test_refinement_does_not_depend_on_where_the_rig_s_frame_is(rig):
 
 def test_bgr_images_and_gains():
     start = displaced(TRUTH, np.random.default_rng(34))
-    expected = REFINER.refine(start, IMAGES[SMOOTH])
+    expected = REFINER.refine(start, IMAGES[ANTIALIASED])
     bgr = BorderRefiner(Matcher(SearchModel(BOX), RIG, channel_order="bgr"))
-    swapped = [image[..., ::-1] for image in IMAGES[SMOOTH]]
+    swapped = [image[..., ::-1] for image in IMAGES[ANTIALIASED]]
     found = bgr.refine(start, swapped)
     assert found.converged and found.num_borders == expected.num_borders
     np.testing.assert_allclose(found.pose, expected.pose, rtol=0, atol=1e-9)
@@ -490,7 +496,7 @@ def test_bgr_images_and_gains():
     # Reddish light
     dim = [
         np.rint((0.15 + 0.6 * (image / 255.0)) * [255.0, 90.0, 70.0]).astype(np.uint8)
-        for image in IMAGES[SMOOTH]
+        for image in IMAGES[ANTIALIASED]
     ]
     refiner = BorderRefiner(Matcher(SearchModel(BOX), RIG, MatchingParameters(min_saturation=0.5)))
     balanced = refiner.refine(start, dim, gains=(1.0, 255.0 / 90.0, 255.0 / 70.0))
@@ -503,7 +509,9 @@ def test_bgr_images_and_gains():
 # Covariance
 
 
-@pytest.mark.parametrize(("sampling", "noise"), [(HARD, 0), (HARD, 3), (SMOOTH, 2), (SMOOTH, 4)])
+@pytest.mark.parametrize(
+    ("sampling", "noise"), [(ALIASED, 0), (ALIASED, 3), (ANTIALIASED, 2), (ANTIALIASED, 4)]
+)
 def test_the_covariance_is_not_too_small(sampling, noise):
     values = []
     for seed in range(20):
@@ -607,13 +615,13 @@ def test_nothing_to_see():
 
 def test_a_pose_far_off():
     start = TRUTH + [0.06, 0.0, 0.0, 0.0, 0.0, 0.0]
-    assert not REFINER.refine(start, IMAGES[HARD]).converged
+    assert not REFINER.refine(start, IMAGES[ALIASED]).converged
 
 
 @pytest.mark.parametrize("z", [-1.0, 0.02])
 def test_a_pose_behind_or_around_the_camera(z):
     start = pose((0.0, 0.0, z))
-    assert_refused(REFINER.refine(start, IMAGES[HARD]), start, "too few")
+    assert_refused(REFINER.refine(start, IMAGES[ALIASED]), start, "too few")
 
 
 def test_a_solid_partly_out_of_the_image():
@@ -635,10 +643,10 @@ def test_a_solid_partly_out_of_the_image():
         ({"min_trusted": 1.0}, "contradict"),
     ],
 )
-def test_every_doubt_has_its_reason(parameters, reason):
+def test_every_rejection_has_its_reason(parameters, reason):
     start = displaced(TRUTH, np.random.default_rng(18))
     refiner = BorderRefiner(MATCHER, RefinementParameters(**parameters))
-    assert_refused(refiner.refine(start, IMAGES[HARD]), start, reason)
+    assert_refused(refiner.refine(start, IMAGES[ALIASED]), start, reason)
 
 
 def test_a_less_fit_pose_is_refused():
@@ -648,7 +656,7 @@ def test_a_less_fit_pose_is_refused():
 
     start = displaced(TRUTH, np.random.default_rng(19))
     refiner = BorderRefiner(Liar(SearchModel(BOX), RIG))
-    assert_refused(refiner.refine(start, IMAGES[HARD]), start, "less fit")
+    assert_refused(refiner.refine(start, IMAGES[ALIASED]), start, "less fit")
 
 
 def test_refinement_makes_no_start_worse():
@@ -695,7 +703,7 @@ class Fixed:
     """Says that some pose is the refined one, whatever the images."""
 
     def __init__(self, psi, fitness=0.5):
-        self.result = Refinement(np.asarray(psi), True, "", np.eye(6), fitness)
+        self.result = Refinement(np.asarray(psi), Outcome.CONVERGED, np.eye(6), fitness)
 
     def refine_scene(self, pose, scene):
         return self.result
@@ -708,7 +716,7 @@ def tracker(**parameters):
 def test_a_refined_pose_is_recognized_and_takes_the_last_place_in_the_population():
     odd = TRUTH + 1.23456789e-5  # no genes give that
     plain, refined = tracker(), tracker(refiner=Fixed(odd))
-    a, b = (t.start_population(IMAGES[HARD]) for t in (plain, refined))
+    a, b = (t.start_population(IMAGES[ALIASED]) for t in (plain, refined))
     np.testing.assert_array_equal(b.best, odd)
     np.testing.assert_array_equal(b.poses[1:], a.poses[:-1])
     np.testing.assert_array_equal(b.fitness, np.concatenate([[0.5], a.fitness[:-1]]))
@@ -718,11 +726,11 @@ def test_a_refined_pose_is_recognized_and_takes_the_last_place_in_the_population
 
 def test_a_refined_pose_meets_the_next_frame_just_as_it_is():
     odd = TRUTH + 1.23456789e-5
-    last = tracker(refiner=Fixed(odd)).start_population(IMAGES[HARD])
-    following = tracker().track(last, IMAGES[HARD], frame=1)
+    last = tracker(refiner=Fixed(odd)).start_population(IMAGES[ALIASED])
+    following = tracker().track(last, IMAGES[ALIASED], frame=1)
     assert (following.poses == odd).all(axis=1).any()
     # Without its covariance a pose is one like any other.
-    rounded = tracker().track(Generation(last.poses, last.fitness), IMAGES[HARD], frame=1)
+    rounded = tracker().track(Generation(last.poses, last.fitness), IMAGES[ALIASED], frame=1)
     assert not (rounded.poses == odd).all(axis=1).any()
 
 
@@ -731,9 +739,9 @@ def test_a_failed_refinement_changes_nothing():
     hopeless = tracker(refiner=BorderRefiner(MATCHER, RefinementParameters(min_borders=10**6)))
     results = []
     for algorithm in (plain, off, hopeless):
-        generation = algorithm.start_population(IMAGES[HARD])
+        generation = algorithm.start_population(IMAGES[ALIASED])
         for frame in range(1, 6):
-            generation = algorithm.track(generation, IMAGES[HARD], frame=frame)
+            generation = algorithm.track(generation, IMAGES[ALIASED], frame=frame)
         results.append((generation.poses.tobytes(), generation.fitness.tobytes()))
     assert len(set(results)) == 1
 

@@ -17,6 +17,7 @@ from mffdrake.recognition import (
     SolidModel,
 )
 from mffdrake.recognition.fitness.colors import ColorModel, hue_chroma_value
+from mffdrake.recognition.fitness.matching import NO_GAINS
 
 RIG = CameraRig.stereo(width=320, height=240)
 TRUTH = pose((0.02, 0.05, 0.7), (0.2, 0.3, 0.1))
@@ -50,9 +51,9 @@ def matcher(solid, tolerance_deg=12.0):
 
 
 def settle(m, images, rate=0.02, frames=60):
-    gains = (1.0, 1.0, 1.0)
+    gains, scene = (1.0, 1.0, 1.0), m.scene(images)
     for _ in range(frames):
-        gains = AdaptiveWhiteBalance(rate).adapt(gains, TRUTH, images, m)
+        gains = AdaptiveWhiteBalance(rate).adapt(gains, TRUTH, scene, m)
     return gains
 
 
@@ -66,7 +67,8 @@ def test_the_gains_settle_where_they_undo_the_light(light):
 
 def test_a_frame_changes_no_gain_by_more_than_the_rate():
     solid, images = painted((1.15, 1.0, 0.87))
-    red, _, blue = AdaptiveWhiteBalance(0.005).adapt((1.0, 1.0, 1.0), TRUTH, images, matcher(solid))
+    m = matcher(solid)
+    red, _, blue = AdaptiveWhiteBalance(0.005).adapt(NO_GAINS, TRUTH, m.scene(images), m)
     assert np.log(red) == pytest.approx(-0.005)
     assert np.log(blue) == pytest.approx(0.005)
 
@@ -103,11 +105,11 @@ def test_without_a_sure_pose_the_gains_stay():
 def test_where_no_pixel_tells_anything_the_gains_stay():
     solid, images = painted()
     black = [np.zeros_like(image) for image in images]
-    gains = (1.1, 1.0, 0.9)
-    assert AdaptiveWhiteBalance(0.02).adapt(gains, TRUTH, black, matcher(solid)) == gains
+    gains, m = (1.1, 1.0, 0.9), matcher(solid)
+    assert AdaptiveWhiteBalance(0.02).adapt(gains, TRUTH, m.scene(black), m) == gains
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan])
 def test_the_rate_must_be_positive(rate):
-    with pytest.raises(ValueError, match="rate must be positive"):
+    with pytest.raises(ValueError, match="white balance: rate must be"):
         AdaptiveWhiteBalance(rate)

@@ -27,10 +27,10 @@ from mffdrake.recognition.fitness.advice import describe_target
 from mffdrake.recognition.recordings.color_file import DumpColors, LearnColors, MasksOfPose
 from mffdrake.recognition.recordings.files import MakeOutputFolder, WholeFile
 from mffdrake.recognition.recordings.image_files import ReadImage, ReadMask, SaveImage
+from mffdrake.recognition.recordings.rig_file import LoadRig
 from mffdrake.recognition.recordings.trajectory import LoadPose
 from mffdrake.recognition.solid.symmetry import Symmetries, find_symmetries
 from mffdrake.recognition.visibility.portrait import Portrait
-from mffdrake.systems.cameras.rig_file import LoadRig
 
 __all__ = ["PlotTarget", "RunColors", "RunTarget"]
 

@@ -32,6 +32,7 @@ from mffdrake.recognition.recordings.recording import (
     TrackedFrame,
     TrackRecording,
 )
+from mffdrake.recognition.recordings.rig_file import LoadRig
 from mffdrake.recognition.recordings.trajectory import (
     LoadPose,
     LoadTrajectory,
@@ -39,7 +40,6 @@ from mffdrake.recognition.recordings.trajectory import (
     Trajectory,
 )
 from mffdrake.recognition.visibility.outline import DrawViews
-from mffdrake.systems.cameras.rig_file import LoadRig
 
 __all__ = ["RunTrack"]
 

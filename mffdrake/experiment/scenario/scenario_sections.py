@@ -20,12 +20,13 @@ from mffdrake.recognition.parameters import (
     Vector3,
     parameters,
 )
+from mffdrake.recognition.poses.rotation_parameters import RpyDeg
 from mffdrake.systems.arms.hand_path import HandPath
 from mffdrake.systems.control.pd_gains import Gains, LightlyDamped
 from mffdrake.systems.control.visual_servo import ServoParameters
 from mffdrake.systems.target_motion import AtRest, Sinusoids, Step, Straight, Waypoints
 from mffdrake.systems.target_motion.trajectory_file import TrajectoryFile
-from mffdrake.systems.transforms import Pose, RpyDeg
+from mffdrake.systems.transforms import Pose
 from mffdrake.systems.vision.target_motion_estimator import EstimatorParameters
 
 __all__ = [

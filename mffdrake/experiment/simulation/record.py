@@ -21,8 +21,8 @@ from mffdrake.recognition.parameters.yaml_text import DumpYaml
 from mffdrake.recognition.poses.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.recordings.image_files import RemoveNumbered, SaveImage
+from mffdrake.recognition.recordings.rig_file import DumpRig
 from mffdrake.recognition.recordings.trajectory import SaveTrajectory, Trajectory
-from mffdrake.systems.cameras.rig_file import DumpRig
 
 __all__ = ["Record", "TrackCommand"]
 

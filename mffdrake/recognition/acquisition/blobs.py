@@ -14,9 +14,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.acquisition.looks import add_to_look, finish_look
+from mffdrake.recognition.acquisition.appearance import (
+    Appearances,
+    add_patch,
+    new_appearances,
+    normalize,
+)
 from mffdrake.recognition.camera.lens import NO_DISTORTION, Lens, View, pixel, pixel_jacobian
-from mffdrake.recognition.fitness.structs import ColorGate
+from mffdrake.recognition.fitness.structs import ColorGate, look_up
+from mffdrake.recognition.poses.rotations import rotated
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int8]
@@ -34,7 +40,7 @@ BLOB = np.dtype(
         ("clipped", np.bool_),  # whether it meets the image's border, or the lens's
     ]
 )
-"""A blob; what it shows of each color stands beside it, see `Found`."""
+"""A blob; how it looks stands beside it, see `DescribedBlobs`."""
 
 
 class Grid(NamedTuple):
@@ -53,16 +59,16 @@ class Grid(NamedTuple):
     area: Array
 
 
-class Found(NamedTuple):
-    """What was found.
+class DescribedBlobs(NamedTuple):
+    """Blobs and what they look like.
 
     Attributes:
         blobs: The blobs, shape (B,).
-        looks: How each looks along its direction, see `_looks`, shape (B, 3 C + 3).
+        appearances: How each looks along its direction.
     """
 
     blobs: Blobs
-    looks: Array
+    appearances: Appearances
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,9 +111,7 @@ def label_pixels(view: View, grid: Grid, gate: ColorGate, classes: NDArray[np.in
         row = (j * grid.step + first) * view.eye.width + first
         for i in range(w):
             k = row + i * grid.step
-            shown = table[
-                places[0, pixels[k, 0]] + places[1, pixels[k, 1]] + places[2, pixels[k, 2]]
-            ]
+            shown = look_up(places, table, pixels[k, 0], pixels[k, 1], pixels[k, 2])
             label = np.int8(-1)
             if shown != 0 and grid.x[j, i] == grid.x[j, i]:
                 for bit in range(len(classes)):
@@ -168,12 +172,12 @@ def turn_along(x: float, y: float, axes: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def find_blobs(
     labels: Labels, grid: Grid, camera: int, num_colors: int, of_one_color: bool, least: int
-) -> Found:
+) -> DescribedBlobs:
     """The blobs in the labels of one view, of at least so many pixels of its grid."""
     h, w = labels.shape
     places, ends = _flood(labels, of_one_color, least)
     count, first = len(ends), 0
-    blobs, looks = np.zeros(count, dtype=BLOB), np.zeros((count, 3 * num_colors + 3))
+    blobs, appearances = np.zeros(count, dtype=BLOB), new_appearances(count, num_colors)
     axes = np.empty((3, 3))
     for n in range(count):
         blob = blobs[n]
@@ -196,12 +200,11 @@ def find_blobs(
         for k in range(first, ends[n]):
             j, i = places[k]
             x, y = grid.x[j, i], grid.y[j, i]
-            depth = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2]
-            p = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2]) / depth
-            q = (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) / depth
+            p, q, depth = rotated(axes, x, y, 1.0)
+            p, q = p / depth, q / depth
             area = grid.area[j, i] / (depth * depth * depth)
             blob.area += area
-            add_to_look(looks[n], labels[j, i], num_colors, area, p, q, 0.0, 0.0, 0.0)
-        finish_look(looks[n], num_colors)
+            add_patch(appearances, n, labels[j, i], area, p, q, 0.0, 0.0, 0.0)
+        normalize(appearances, n)
         first = ends[n]
-    return Found(blobs, looks)
+    return DescribedBlobs(blobs, appearances)

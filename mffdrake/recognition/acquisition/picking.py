@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.acquisition.proposing import Sources
 from mffdrake.recognition.fitness.structs import Scene, new_placed, place
-from mffdrake.recognition.poses.rotations import rotation
+from mffdrake.recognition.poses.rotations import rotation, scalar_part
 from mffdrake.recognition.solid.solid_model import Facets
+from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -90,11 +89,7 @@ def silhouette_areas(poses: Array, scene: Scene, facets: Facets) -> Array:
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
             for k in range(len(areas)):
-                toward, squared = 0.0, 0.0
-                for j in range(3):
-                    d = placed.p_MK[j] - centers[k, j]
-                    toward += normals[k, j] * d
-                    squared += d * d
+                toward, squared = facing(normals, centers, k, placed.p_MK)
                 if toward > 0.0:
                     seen[i] += areas[k] * toward / squared**1.5
     return seen
@@ -103,9 +98,7 @@ def silhouette_areas(poses: Array, scene: Scene, facets: Facets) -> Array:
 @njit(cache=True, error_model="numpy")
 def _half_cosine(a: Array, b: Array) -> float:
     """Cosine of half the angle between two orientations."""
-    dot = math.sqrt(max(0.0, 1.0 - a[3] ** 2 - a[4] ** 2 - a[5] ** 2)) * math.sqrt(
-        max(0.0, 1.0 - b[3] ** 2 - b[4] ** 2 - b[5] ** 2)
-    )
+    dot = scalar_part(a[3], a[4], a[5]) * scalar_part(b[3], b[4], b[5])
     for k in range(3, 6):
         dot += a[k] * b[k]
-    return abs(dot)
+    return abs(dot)  # type: ignore[no-any-return]

@@ -15,16 +15,16 @@ from mffdrake.recognition.poses.pose import quaternion_scalar, quaternion_vector
 from mffdrake.recognition.visibility.aspects import as_drawn
 
 if TYPE_CHECKING:
+    from mffdrake.recognition.acquisition.appearance import Appearances, AppearanceTable
     from mffdrake.recognition.acquisition.blobs import Blobs, Grid
-    from mffdrake.recognition.acquisition.looks import Looks
-    from mffdrake.recognition.acquisition.proposing import Bounds, Sources
+    from mffdrake.recognition.acquisition.proposing import Bounds, Frames, Sources
     from mffdrake.recognition.fitness.structs import Scene
 
 Array = NDArray[np.float64]
 
 _PIXELS_APART = 160  # The grid that is searched for blobs has about so many pixels in a row.
 _LEAST_PIXELS = 6  # of a blob, in that grid
-_LOOKS = 6000  # over all orientations
+_NUM_SIDES = 6000  # from which the solid's appearance is known, over all orientations
 _MARGIN = 0.25  # of a quaternion: a camera may look past the middle of its image
 
 
@@ -61,14 +61,14 @@ class Clues(NamedTuple):
 
     Attributes:
         blobs: The patches of its colors.
-        looks: How each looks, see `looks`.
-        frames: Each one's frame F: its orientation as a quaternion and as R_CF, and p_CF.
+        appearances: How each looks.
+        frames: Each one's frame F.
         sources: Blobs, or pairs of them, where the solid may be.
     """
 
     blobs: Blobs
-    looks: Array
-    frames: tuple[Array, Array, Array]
+    appearances: Appearances
+    frames: Frames
     sources: Sources
 
 
@@ -79,7 +79,7 @@ class Proposer:
     two blobs of two cameras that may be one thing, by their sizes and as their lines of sight
     meet, are at a place; of a single blob, its size tells how far away it is. *Orientations*: most
     of those for a blob of any color are those in which the solid looks most like it, by the shares
-    of the colors and where they lie, from a table of looks; the others are spread evenly.
+    of the colors and where they lie, from a table of appearances; the others are spread evenly.
 
     It works for every rig, of one camera or of several.
 
@@ -110,6 +110,7 @@ class Proposer:
             scene: The images, see `Matcher.scene`.
         """
         from mffdrake.recognition.acquisition import proposing  # numba: slow to import
+        from mffdrake.recognition.acquisition.appearance import Appearances
         from mffdrake.recognition.acquisition.blobs import find_blobs, label_pixels
 
         found = []
@@ -120,11 +121,14 @@ class Proposer:
                     find_blobs(labels, grid, index, self.num_colors, of_one_color, _LEAST_PIXELS)
                 )
         blobs = np.concatenate([one.blobs for one in found])
-        looks = np.concatenate([one.looks for one in found])
+        appearances = Appearances(
+            np.concatenate([one.appearances.colors for one in found]),
+            np.concatenate([one.appearances.moments for one in found]),
+        )
         eyes = tuple(view.eye for view in scene.views)
         frames = proposing.rig_frames(blobs, eyes, self.turns)
-        sources = proposing.pair_blobs(blobs, looks, frames[1], frames[2], self.table, self.bounds)
-        return Clues(blobs, looks, frames, sources)
+        sources = proposing.pair_blobs(blobs, appearances, frames, self.table, self.bounds)
+        return Clues(blobs, appearances, frames, sources)
 
     def propose(self, clues: Clues, count: int, first: int, rng: np.random.Generator) -> Proposals:
         """Poses within the search range.
@@ -206,18 +210,18 @@ class Proposer:
         return Bounds(span.lower, span.upper, max(0.0, near - reach), far + reach, size)
 
     @cached_property
-    def table(self) -> Looks:
+    def table(self) -> AppearanceTable:
         """How the solid looks from all sides that the search range allows."""
-        from mffdrake.recognition.acquisition.looks import (  # numba: slow to import
+        from mffdrake.recognition.acquisition.appearance import (  # numba: slow to import
             Corners,
-            draw_looks,
-            make_looks,
+            draw_appearances,
             multiply_all,
+            project_appearances,
             spread_turns,
         )
 
         span = self.search_range
-        turns = spread_turns(_LOOKS)
+        turns = spread_turns(_NUM_SIDES)
         allowed = np.zeros(len(turns), dtype=bool)
         for turn in self.turns:
             eps = multiply_all(turn, turns)[:, 1:]
@@ -226,12 +230,12 @@ class Proposer:
         distance = 0.5 * (self.bounds.nearest + self.bounds.farthest)
         solid, turns = self.matcher.solid, turns[allowed]
         classes, count = self.face_classes, self.num_colors
-        table: Looks
+        table: AppearanceTable
         if solid.is_plain:
             corners = Corners(solid.vertices, solid.edges, solid.edge_faces)
             struct = self.matcher.struct
-            table = make_looks(struct, corners, classes, count, distance, turns)
+            table = project_appearances(struct, corners, classes, count, distance, turns)
         else:
             drawn = as_drawn(solid)
-            table = draw_looks(drawn, classes, count, distance, turns)
+            table = draw_appearances(drawn, classes, count, distance, turns)
         return table

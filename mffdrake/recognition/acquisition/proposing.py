@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition.acquisition.appearance import Appearances, AppearanceTable, find_similar
 from mffdrake.recognition.acquisition.blobs import Blobs, turn_along
-from mffdrake.recognition.acquisition.looks import Looks, find_alike
 from mffdrake.recognition.camera.lens import Eye, in_view, turned_back
 from mffdrake.recognition.poses.rotations import multiply, rotation
 
@@ -50,9 +50,23 @@ class Bounds(NamedTuple):
     size: float
 
 
+class Frames(NamedTuple):
+    """Where the blobs' frames F are in the rig's C.
+
+    Attributes:
+        turns: Their orientations R_CF as quaternions, the scalar part first, shape (B, 4).
+        R_CF: The same as matrices, shape (B, 3, 3).
+        p_CF: Their origins [m], shape (B, 3).
+    """
+
+    turns: Array
+    R_CF: Array
+    p_CF: Array
+
+
 @njit(cache=True, error_model="numpy")
-def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> tuple[Array, Array, Array]:
-    """Where the blobs' frames are in the rig's: quaternions, rotations and origins."""
+def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> Frames:
+    """Where the blobs' frames are in the rig's; ``turns_CK``: the cameras' quaternions."""
     count = len(blobs)
     turns, R_CF, p_CF = np.empty((count, 4)), np.empty((count, 3, 3)), np.empty((count, 3))
     axes, half = np.empty((3, 3)), np.empty(4)
@@ -76,12 +90,16 @@ def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> tuple[Ar
                     )
                 x, y, z = in_view(eye, 0.0, 0.0, 0.0)
                 p_CF[n, 0], p_CF[n, 1], p_CF[n, 2] = turned_back(eye, -x, -y, -z)
-    return turns, R_CF, p_CF
+    return Frames(turns, R_CF, p_CF)
 
 
 @njit(cache=True, error_model="numpy")
 def pair_blobs(
-    blobs: Blobs, looks: Array, R_CF: Array, p_CF: Array, table: Looks, bounds: Bounds
+    blobs: Blobs,
+    appearances: Appearances,
+    frames: Frames,
+    table: AppearanceTable,
+    bounds: Bounds,
 ) -> Sources:
     """Blobs of two cameras that may be one thing, and single ones, as far as size and place allow.
 
@@ -90,12 +108,13 @@ def pair_blobs(
     """
     count = len(blobs)
     sources = np.empty(4 * count + 16, dtype=SOURCE)  # more when there are more
-    num_colors = (looks.shape[1] - 3) // 3
+    colors, R_CF, p_CF = appearances.colors, frames.R_CF, frames.p_CF
+    num_colors = colors.shape[1]
     most, least = np.zeros(num_colors + 1), np.full(num_colors + 1, np.inf)  # areas seen [m^2]
     for n in range(len(table.area)):
         most[0], least[0] = max(most[0], table.area[n]), min(least[0], table.area[n])
         for k in range(num_colors):
-            most[k + 1] = max(most[k + 1], table.area[n] * table.looks[n, 3 * k])
+            most[k + 1] = max(most[k + 1], table.area[n] * table.appearances.colors[n, k].share)
     least[1:] = 0.25 * most[1:]
     found = 0
     sums = np.zeros(3)
@@ -128,8 +147,8 @@ def pair_blobs(
             if color < 0:
                 common, shown = 0.0, 0
                 for k in range(num_colors):
-                    common += min(looks[a, 3 * k], looks[b, 3 * k])
-                    shown += looks[a, 3 * k] + looks[b, 3 * k] > 0.1
+                    common += min(colors[a, k].share, colors[b, k].share)
+                    shown += colors[a, k].share + colors[b, k].share > 0.1
                 weight *= common * min(shown, 3) ** 2
             if weight <= 0.0:
                 continue  # They have no color in common.
@@ -150,7 +169,7 @@ def pair_blobs(
         if color < 0:
             shown = 0
             for k in range(num_colors):
-                shown += looks[a, 3 * k] > 0.05
+                shown += colors[a, k].share > 0.05
         sources[found].blob, sources[found].depth = a, np.nan
         sources[found].weight = min(shown, 3) ** 2
         sums[2] += sources[found].weight
@@ -165,10 +184,10 @@ def pair_blobs(
 @njit(cache=True, error_model="numpy")
 def propose(
     blobs: Blobs,
-    looks: Array,
-    frames: tuple[Array, Array, Array],
+    appearances: Appearances,
+    frames: Frames,
     sources: Sources,
-    table: Looks,
+    table: AppearanceTable,
     middle: Array,
     bounds: Bounds,
     count: int,
@@ -182,8 +201,8 @@ def propose(
     turns, R_CF, p_CF = frames
     poses, origins = np.empty((count, 6)), np.empty(count, dtype=np.int64)
     made, size = 0, len(table.area)
-    num_alike = min(16, size)
-    alike = np.full((len(blobs), num_alike), -1, dtype=np.int64)
+    num_similar = min(16, size)
+    similar = np.full((len(blobs), num_similar), -1, dtype=np.int64)
     total = 0.0
     for source in sources:
         total += source.weight
@@ -202,19 +221,19 @@ def propose(
         b = source.blob
         blob = blobs[b]
         if blob.color < 0 and rng.random() < 0.6:  # an orientation in which it looks like that
-            if alike[b, 0] < 0:
-                find_alike(looks[b], table, num_alike, alike[b])
-            look = alike[b, int(num_alike * rng.random() ** 2)]
+            if similar[b, 0] < 0:
+                find_similar(appearances, b, table, num_similar, similar[b])
+            side = similar[b, int(num_similar * rng.random() ** 2)]
         else:
-            look = ((first + attempt) * stride) % size
-        area, x, y = table.area[look], table.center[look, 0], table.center[look, 1]
+            side = ((first + attempt) * stride) % size
+        area, x, y = table.area[side], table.center[side, 0], table.center[side, 1]
         if blob.color >= 0:
-            share = table.looks[look, 3 * blob.color]
-            if share < 0.03:
+            color = table.appearances.colors[side, blob.color]
+            if color.share < 0.03:
                 continue  # From there, that color is not to be seen.
-            x -= table.looks[look, 3 * blob.color + 1] / share * math.sqrt(area)
-            y -= table.looks[look, 3 * blob.color + 2] / share * math.sqrt(area)
-            area *= share
+            x -= color.x / color.share * math.sqrt(area)
+            y -= color.y / color.share * math.sqrt(area)
+            area *= color.share
         depth = source.depth
         if math.isnan(depth):
             depth = math.sqrt(area / blob.area)
@@ -226,7 +245,7 @@ def propose(
         for i in range(3):
             jitter[i + 1] = angle * rng.standard_normal()
         jitter /= math.sqrt((jitter * jitter).sum())
-        q = multiply(turns[b], multiply(table.turns[look], jitter))
+        q = multiply(turns[b], multiply(table.turns[side], jitter))
         R = rotation(q[1:])
         inside = True
         x += spread * rng.standard_normal()

@@ -11,12 +11,21 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import Gt, Lt
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.distortion import MODELS, Distortion
+from mffdrake.recognition.parameters import (
+    Count,
+    Finite,
+    NonNegative,
+    Positive,
+    check,
+    check_fields,
+)
 
 if TYPE_CHECKING:
     from mffdrake.recognition.camera.lens import Eye, View
@@ -55,40 +64,20 @@ class Camera:
     """
 
     name: str = "camera"
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    width: Count
+    height: Count
+    fx: Positive
+    fy: Positive
+    cx: Finite
+    cy: Finite
     distortion: Distortion = field(default_factory=Distortion)
     R_CK: Array = field(default_factory=lambda: np.eye(3))
     p_CK: Array = field(default_factory=lambda: np.zeros(3))
-    calibration_error: float = 0.0
+    calibration_error: NonNegative = 0.0
 
     def __post_init__(self) -> None:
         """Checks the numbers, and keeps the pose as arrays that cannot be written."""
-        for name in ("width", "height", "fx", "fy"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"camera '{self.name}': {name} must be positive, not {value}")
-        for name in ("width", "height"):
-            if getattr(self, name) != int(getattr(self, name)):
-                raise ValueError(
-                    f"camera '{self.name}': {name} must be a whole number, not "
-                    f"{getattr(self, name)}"
-                )
-            object.__setattr__(self, name, int(getattr(self, name)))
-        for name in ("cx", "cy"):
-            if not np.isfinite(getattr(self, name)):
-                raise ValueError(
-                    f"camera '{self.name}': {name} must be finite, not {getattr(self, name)}"
-                )
-        if not 0.0 <= self.calibration_error < math.inf:
-            raise ValueError(
-                f"camera '{self.name}': calibration_error must be at least 0 px, not "
-                f"{self.calibration_error}"
-            )
+        check_fields(self, f"camera '{self.name}': ")
         for name, shape in (("R_CK", (3, 3)), ("p_CK", (3,))):
             array = np.array(getattr(self, name), dtype=float)
             if array.shape != shape or not np.isfinite(array).all():
@@ -232,15 +221,11 @@ class CameraRig:
         Raises:
             ValueError: When a quantity is outside its range.
         """
-        for name, value in (("width", width), ("height", height), ("baseline", baseline)):
-            if not 0 < value < math.inf:
-                raise ValueError(f"stereo camera: {name} must be positive, not {value}")
+        check(Positive, baseline, "stereo camera: baseline")
+        check(Positive | None, focal_length, "stereo camera: focal_length")
         if focal_length is None:
-            if not 0 < fov_y < math.pi:
-                raise ValueError(f"stereo camera: fov_y must be between 0 and pi rad, not {fov_y}")
+            check(Annotated[float, Gt(0), Lt(math.pi)], fov_y, "stereo camera: fov_y")
             focal_length = 0.5 * height / math.tan(0.5 * fov_y)
-        if not 0 < focal_length < math.inf:
-            raise ValueError(f"stereo camera: focal_length must be positive, not {focal_length}")
         p_CL = (-baseline, 0.0, 0.0)
         right, left = (
             Camera(

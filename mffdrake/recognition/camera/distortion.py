@@ -8,9 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from mffdrake.recognition.parameters import Finite, check_fields
+
 __all__ = ["MODELS", "Distortion"]
 
-MODELS = ("none", "plumb_bob", "equidistant")  # as `_lens` numbers them
+MODELS = ("none", "plumb_bob", "equidistant")  # as `lens` numbers them
 _COUNTS = {"none": (0,), "plumb_bob": (4, 5, 8), "equidistant": (4,)}
 
 
@@ -33,23 +35,15 @@ class Distortion:
     """
 
     model: Literal["none", "plumb_bob", "equidistant"] = "none"
-    coefficients: tuple[float, ...] = ()
+    coefficients: tuple[Finite, ...] = ()
 
     def __post_init__(self) -> None:
         """Checks the model and the coefficients."""
-        if self.model not in _COUNTS:
-            raise ValueError(
-                f"distortion: model must be one of {', '.join(_COUNTS)}, not {self.model!r}"
-            )
-        numbers = tuple(float(c) for c in self.coefficients)
-        if len(numbers) not in _COUNTS[self.model]:
+        check_fields(self, "distortion: ")
+        count = len(self.coefficients)
+        if count not in _COUNTS[self.model]:
             wanted = " or ".join(map(str, _COUNTS[self.model]))
-            raise ValueError(
-                f"distortion: {self.model} has {wanted} coefficients, not {len(numbers)}"
-            )
-        if not np.isfinite(numbers).all():
-            raise ValueError(f"distortion: coefficients must be finite, not {list(numbers)}")
-        object.__setattr__(self, "coefficients", numbers)
+            raise ValueError(f"distortion: {self.model} has {wanted} coefficients, not {count}")
 
     @property
     def max_radius(self) -> float:

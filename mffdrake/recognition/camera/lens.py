@@ -7,7 +7,7 @@ the plane z = 1 of K; pixel coordinates (u, v) are whole numbers at pixel center
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,11 +18,24 @@ Image = NDArray[np.uint8]
 
 NO_DISTORTION, PLUMB_BOB, EQUIDISTANT = range(3)
 
-_STAMP_STEP = 31
+_HASH_STEP = 31
 _NOISE_STEP = 499  # pixels between those where noise is measured; odd to the images' widths
 
-Jacobian: TypeAlias = tuple[float, float, float, float]
-"""du/dx, du/dy, dv/dx, dv/dy."""
+
+class Jacobian(NamedTuple):
+    """Derivatives of pixel coordinates (u, v), or distorted ones, by normalized ones (x, y).
+
+    Attributes:
+        ux: du/dx.
+        uy: du/dy.
+        vx: dv/dx.
+        vy: dv/dy.
+    """
+
+    ux: float
+    uy: float
+    vx: float
+    vy: float
 
 
 class Lens(NamedTuple):
@@ -112,7 +125,7 @@ def _distortion_jacobian(lens: Lens, x: float, y: float) -> Jacobian:
         bottom_rate = k[5] + s * (2.0 * k[6] + 3.0 * s * k[7])
         rate = 2.0 * (top_rate - radial * bottom_rate) / bottom  # of radial, with x dx + y dy
         mixed = x * y * rate + 2.0 * (k[2] * x + k[3] * y)
-        return (
+        return Jacobian(
             radial + x * x * rate + 2.0 * k[2] * y + 6.0 * k[3] * x,
             mixed,
             mixed,
@@ -120,14 +133,14 @@ def _distortion_jacobian(lens: Lens, x: float, y: float) -> Jacobian:
         )
     r = math.sqrt(s)
     if r < 1e-8:
-        return 1.0, 0.0, 0.0, 1.0
+        return Jacobian(1.0, 0.0, 0.0, 1.0)
     angle = math.atan(r)
     t = angle * angle
     scale = angle * (1.0 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3])))) / r
     along = 1.0 + t * (3.0 * k[0] + t * (5.0 * k[1] + t * (7.0 * k[2] + 9.0 * t * k[3])))
     rate = (along / (1.0 + s) - scale) / s
     mixed = x * y * rate
-    return scale + x * x * rate, mixed, mixed, scale + y * y * rate
+    return Jacobian(scale + x * x * rate, mixed, mixed, scale + y * y * rate)
 
 
 # What follows is short for lenses without distortion, so that the compiler inlines it.
@@ -145,9 +158,9 @@ def pixel(lens: Lens, x: float, y: float) -> tuple[float, float]:
 def pixel_jacobian(lens: Lens, x: float, y: float) -> Jacobian:
     """Derivative of `pixel`."""
     if lens.model == NO_DISTORTION:
-        return lens.fx, 0.0, 0.0, lens.fy
-    xx, xy, yx, yy = _distortion_jacobian(lens, x, y)
-    return lens.fx * xx, lens.fx * xy, lens.fy * yx, lens.fy * yy
+        return Jacobian(lens.fx, 0.0, 0.0, lens.fy)
+    d = _distortion_jacobian(lens, x, y)
+    return Jacobian(lens.fx * d.ux, lens.fx * d.uy, lens.fy * d.vx, lens.fy * d.vy)
 
 
 @njit(cache=True, error_model="numpy")
@@ -225,10 +238,10 @@ def measure_noise(views: tuple[View, ...]) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def stamp(view: View) -> float:
-    """A number that tells an image from others, from every so-many-th pixel."""
+def image_hash(view: View) -> float:
+    """A number that tells an image from others, from every n-th pixel."""
     pixels, value = view.pixels, np.uint64(1469598103934665603)
-    for k in range(0, len(pixels), _STAMP_STEP):
+    for k in range(0, len(pixels), _HASH_STEP):
         color = (np.uint64(pixels[k, 0]) << np.uint64(16)) | (
             np.uint64(pixels[k, 1]) << np.uint64(8)
         )

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mffdrake.recognition.parameters import Finite, Share, check_fields
+
 if TYPE_CHECKING:
     from mffdrake.recognition.fitness.structs import ColorGate
 
@@ -50,13 +52,12 @@ class FaceColor:
     """
 
     name: str
-    hue: float
+    hue: Finite
     tolerance: float
 
     def __post_init__(self) -> None:
         """Checks the numbers and brings the hue to [0, 2 pi)."""
-        if not math.isfinite(self.hue):
-            raise ValueError(f"color '{self.name}': hue must be finite, not {self.hue}")
+        check_fields(self, f"color '{self.name}': ")
         if not 0.0 <= self.tolerance <= math.pi:
             raise ValueError(
                 f"color '{self.name}': the hue's tolerance must be between 0 and 180 deg, not "
@@ -87,9 +88,9 @@ class ColorModel:
     """
 
     colors: tuple[FaceColor, ...]
-    min_saturation: float = 0.28
-    min_value: float = 0.15
-    min_chroma: float = 0.09
+    min_saturation: Share = 0.28
+    min_value: Share = 0.15
+    min_chroma: Share = 0.09
 
     def __post_init__(self) -> None:
         """Checks the numbers."""
@@ -100,10 +101,7 @@ class ColorModel:
             )
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"colors must have different names, not {list(self.names)}")
-        for name in ("min_saturation", "min_value", "min_chroma"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ValueError(f"{name} must be between 0 and 1, not {value}")
+        check_fields(self)
 
     @property
     def names(self) -> tuple[str, ...]:

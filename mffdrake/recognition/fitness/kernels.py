@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,11 +18,14 @@ from mffdrake.recognition.fitness.structs import (
     Scene,
     Scratch,
     Solid,
+    aspect_shown,
+    in_camera,
+    look_up,
     new_placed,
     place,
 )
-from mffdrake.recognition.poses.rotations import rotation
-from mffdrake.recognition.visibility.drawing import aspect_of
+from mffdrake.recognition.poses.rotations import cross_product, rotation
+from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,9 +75,37 @@ def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: 
     for j in range(start, stop):
         if pixels[j] >= 0:
             k = np.uint64(pixels[j])  # unsigned: without a check for an index from the end
-            shown = table[places[0, image[k, 0]] + places[1, image[k, 1]] + places[2, image[k, 2]]]
+            shown = look_up(places, table, image[k, 0], image[k, 1], image[k, 2])
             matches += (shown & colors[j]) != 0
     return matches
+
+
+class EdgePlane(NamedTuple):
+    """The plane through an edge and the camera's center.
+
+    Attributes:
+        nx, ny, nz: A normal, in the target's frame; not of unit length.
+        norm: Its length [m], which is the camera's distance from the edge's line.
+        depth: Of a point on the edge [m].
+    """
+
+    nx: float
+    ny: float
+    nz: float
+    norm: float
+    depth: float
+
+
+@njit(cache=True, error_model="numpy")
+def _edge_plane(
+    a: float, b: float, c: float, directions: Array, k: int, placed: Placed
+) -> EdgePlane:
+    """The plane of an edge through a point (a, b, c) of the target, along the k-th direction."""
+    eye = placed.p_MK
+    dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+    nx, ny, nz = cross_product(dx, dy, dz, a - eye[0], b - eye[1], c - eye[2])
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return EdgePlane(nx, ny, nz, norm, in_camera(placed, a, b, c)[2])
 
 
 @njit(cache=True, error_model="numpy")
@@ -97,10 +129,8 @@ def _place_inside(
     inside_points, inside_distances = samples.inside_points, samples.inside_distances
     nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
-    face_sides, side_inward, R = samples.face_sides, samples.side_inward, placed.R
+    face_sides, side_inward = samples.face_sides, samples.side_inward
     shown = samples.visibility.shown[aspect]
-    depth_0 = placed.p[2]
-    ox, oy, oz = placed.p_MK
     num_near = inside_distances.shape[1]
     least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
     kept = 0
@@ -112,18 +142,10 @@ def _place_inside(
         for s in range(samples.face_sides_start[face + 1] - first):
             side = face_sides[first + s]
             a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
-            sx, sy, sz = a - ox, b - oy, c - oz
-            dx, dy, dz = (
-                side_directions[side, 0],
-                side_directions[side, 1],
-                side_directions[side, 2],
-            )
-            nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+            nx, ny, nz, norm, depth = _edge_plane(a, b, c, side_directions, side, placed)
             mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
             inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
-            norm = math.sqrt(nx * nx + ny * ny + nz * nz)
             across = abs(mx * nx + my * ny + mz * nz)
-            depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
             least[s] = scale * depth * norm / across if across > 0.0 else 0.0
             greatest = max(greatest, least[s])
         color = solid.colors[face]
@@ -180,8 +202,7 @@ def _place_strip(
     edge_points, edge_directions = samples.edge_points, samples.edge_directions
     edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
     visibility = samples.visibility
-    counted, rows, R, depth_0 = visibility.points, visibility.rows, placed.R, placed.p[2]
-    ox, oy, oz = placed.p_MK
+    counted, rows = visibility.points, visibility.rows
     kept = first
     for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
         # The edges between a visible and a hidden face
@@ -193,16 +214,12 @@ def _place_strip(
         j0, j1 = visibility.points_start[entry], visibility.points_start[entry + 1]
         q = counted[j0]
         a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
-        sx, sy, sz = a - ox, b - oy, c - oz
-        dx, dy, dz = edge_directions[k, 0], edge_directions[k, 1], edge_directions[k, 2]
-        nx, ny, nz = dy * sz - dz * sy, dz * sx - dx * sz, dx * sy - dy * sx
+        nx, ny, nz, norm, depth = _edge_plane(a, b, c, edge_directions, k, placed)
         m = edge_inward[k, inner]
         toward = nx * m[0] + ny * m[1] + nz * m[2]
-        norm = math.sqrt(nx * nx + ny * ny + nz * nz)
         if toward > 0.0:
             norm = -norm
         nx, ny, nz = nx / norm, ny / norm, nz / norm
-        depth = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + depth_0
         for row in range(len(samples.strip_offsets)):
             offset = max(samples.strip_offsets[row], scale * depth)
             for j in range(j0, j1):
@@ -221,19 +238,16 @@ def find_visible(
     faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
 ) -> None:
     """Fills in which of some faces look at the camera."""
-    ox, oy, oz = placed.p_MK
-    normals, centers = solid.normals, solid.centers
+    normals, centers, eye = solid.normals, solid.centers, placed.p_MK
     for k in faces:
-        dx, dy, dz = ox - centers[k, 0], oy - centers[k, 1], oz - centers[k, 2]
-        cosine = normals[k, 0] * dx + normals[k, 1] * dy + normals[k, 2] * dz
-        visible[k] = cosine > min_cosine * math.sqrt(dx * dx + dy * dy + dz * dz)
+        toward, squared = facing(normals, centers, k, eye)
+        visible[k] = toward > min_cosine * math.sqrt(squared)
 
 
 @njit(cache=True, error_model="numpy")
 def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
     solid, visibility = scene.solid, samples.visibility
-    ox, oy, oz = solid.middle
     visible = np.empty(len(solid.normals), dtype=np.bool_)
     most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
         samples.strip_offsets
@@ -249,8 +263,7 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
         lens = view.eye.lens
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
-            eye = placed.p_MK
-            aspect = aspect_of(eye[0] - ox, eye[1] - oy, eye[2] - oz, visibility.grid)
+            aspect = aspect_shown(placed, solid.middle, visibility.grid)
             start = visibility.faces_start
             faces = visibility.faces[start[aspect] : start[aspect + 1]]
             find_visible(faces, placed, solid, rules.min_cosine, visible)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig, Image
 from mffdrake.recognition.fitness.colors import ChannelOrder, ColorModel
-from mffdrake.recognition.parameters import NonNegative, Share, parameters
+from mffdrake.recognition.parameters import NonNegative, Share, check, parameters
 from mffdrake.recognition.solid.symmetry import find_symmetries
 from mffdrake.recognition.visibility.aspects import find_outlines, find_visibility
 from mffdrake.recognition.visibility.search_model import SearchModel
@@ -110,9 +110,7 @@ class Matcher:
                 min_value=p.min_value, min_chroma=p.min_chroma,
             )  # fmt: skip
         self.colors = colors
-        if channel_order not in ("rgb", "bgr"):
-            raise ValueError(f"channel_order must be 'rgb' or 'bgr', not {channel_order!r}")
-        self.channel_order = channel_order
+        self.channel_order: ChannelOrder = check(ChannelOrder, channel_order, "channel_order")
         self._bits = colors.bits_of(solid.materials)
 
     def fitness(self, poses: ArrayLike, images: Images, *, gains: Gains = NO_GAINS) -> Array:
@@ -177,9 +175,17 @@ class Matcher:
         from mffdrake.recognition.camera.lens import measure_noise  # numba: slow to import
         from mffdrake.recognition.fitness.structs import Scene
 
-        gate = self._plain_gate if gains == NO_GAINS else self._gate(gains)
         views = self.rig.views(images)
-        return Scene(views, self.structs[0], gate, measure_noise(views))
+        return Scene(views, self.structs[0], self._gate(gains), measure_noise(views))
+
+    def balanced(self, scene: Scene, gains: Gains) -> Scene:
+        """The same images with another white balance.
+
+        Args:
+            scene: What `scene` made of them.
+            gains: White balance.
+        """
+        return scene._replace(gate=self._gate(gains))
 
     @property
     def struct(self) -> Solid:
@@ -187,12 +193,14 @@ class Matcher:
         return self.structs[0]
 
     def _gate(self, gains: Gains) -> ColorGate:
+        if gains == NO_GAINS:
+            return self._plain_gate
         return self.colors.gate(channel_order=self.channel_order, gains=gains)
 
     @cached_property
     def _plain_gate(self) -> ColorGate:
         """The gate of nearly all frames."""
-        return self._gate(NO_GAINS)
+        return self.colors.gate(channel_order=self.channel_order, gains=NO_GAINS)
 
     @cached_property
     def structs(self) -> tuple[Solid, Samples, Rules]:

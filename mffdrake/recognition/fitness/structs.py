@@ -13,7 +13,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.lens import Eye, View, in_view
+from mffdrake.recognition.poses.rotations import rotated
 from mffdrake.recognition.visibility.aspects import Outlines, Visibility
+from mffdrake.recognition.visibility.drawing import aspect_of
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,7 +46,8 @@ class Solid(NamedTuple):
         all_colors: The bits of all of them.
         kinds: Numbers of the faces' materials, shape (F,).
         alike: Whether two materials' colors overlap, shape (C, C).
-        free: Unit vectors about which any rotation changes nothing, see `Symmetries`, shape (K, 3).
+        symmetry_axes: Unit vectors about which any rotation changes nothing, see `Symmetries`,
+            shape (K, 3).
     """
 
     outlines: Outlines
@@ -55,7 +58,7 @@ class Solid(NamedTuple):
     all_colors: np.uint32
     kinds: IntArray
     alike: NDArray[np.bool_]
-    free: Array
+    symmetry_axes: Array
 
 
 class Scene(NamedTuple):
@@ -157,6 +160,27 @@ def place(R_CM: Array, p_CM: Array, eye: Eye, placed: Placed) -> None:
     p[0], p[1], p[2] = in_view(eye, p_CM[0], p_CM[1], p_CM[2])
     for j in range(3):
         placed.p_MK[j] = -(R[0, j] * p[0] + R[1, j] * p[1] + R[2, j] * p[2])
+
+
+@njit(cache=True, error_model="numpy")
+def in_camera(placed: Placed, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A point of a placed solid in the camera's frame."""
+    x, y, z = rotated(placed.R, x, y, z)
+    return x + placed.p[0], y + placed.p[1], z + placed.p[2]
+
+
+@njit(cache=True, error_model="numpy")
+def aspect_shown(placed: Placed, middle: Array, grid: int) -> int:
+    """The aspect that a placed solid shows to the camera."""
+    eye = placed.p_MK
+    aspect: int = aspect_of(eye[0] - middle[0], eye[1] - middle[1], eye[2] - middle[2], grid)
+    return aspect
+
+
+@njit(cache=True, error_model="numpy")
+def look_up(places: Bits, table: Bits, red: int, green: int, blue: int) -> int:
+    """The colors that an 8-bit pixel shows, one bit each; arguments as in a `ColorGate`."""
+    return table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")

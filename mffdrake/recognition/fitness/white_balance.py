@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.fitness.colors import around_circle, hue_chroma_value
-from mffdrake.recognition.fitness.matching import Gains, Images, Matcher
+from mffdrake.recognition.fitness.matching import Gains, Matcher
+from mffdrake.recognition.parameters import Positive, check_fields
 from mffdrake.recognition.poses.pose import transform_from_pose
+
+if TYPE_CHECKING:
+    from mffdrake.recognition.fitness.structs import Scene
 
 Array = NDArray[np.float64]
 
@@ -23,7 +27,7 @@ _DAMPING = math.radians(2.0) ** 2  # Gains that hardly change any hue stay as th
 class WhiteBalance(Protocol):
     """Changes the gains of the color channels from frame to frame."""
 
-    def adapt(self, gains: Gains, pose: ArrayLike, images: Images, matcher: Matcher) -> Gains:
+    def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The next frame's gains."""
         ...
 
@@ -32,7 +36,7 @@ class WhiteBalance(Protocol):
 class FixedWhiteBalance:
     """Leaves the gains as they are."""
 
-    def adapt(self, gains: Gains, pose: ArrayLike, images: Images, matcher: Matcher) -> Gains:
+    def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The given gains."""
         return gains
 
@@ -57,20 +61,19 @@ class AdaptiveWhiteBalance:
         0.005
     """
 
-    rate: float = 0.005
+    rate: Positive = 0.005
 
     def __post_init__(self) -> None:
         """Checks the rate."""
-        if not 0.0 < self.rate < math.inf:
-            raise ValueError(f"white balance: rate must be positive, not {self.rate}")
+        check_fields(self, "white balance: ")
 
-    def adapt(self, gains: Gains, pose: ArrayLike, images: Images, matcher: Matcher) -> Gains:
+    def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The next frame's gains.
 
         Args:
             gains: This frame's gains of red, green and blue.
             pose: Where the solid surely is, pose vector of shape (6,).
-            images: One a camera, uint8, shape (height, width, 3 or 4).
+            scene: The images, see `Matcher.scene`.
             matcher: The solid, its colors and the cameras.
 
         Returns:
@@ -78,7 +81,7 @@ class AdaptiveWhiteBalance:
         """
         means, wanted = [], []
         for color, pixels in zip(
-            matcher.colors.colors, _pixels_of_colors(pose, images, matcher), strict=True
+            matcher.colors.colors, _pixels_of_colors(pose, scene, matcher), strict=True
         ):
             hue, chroma, value = hue_chroma_value(np.minimum(pixels * gains, 255.0))
             near = np.abs(around_circle(hue - color.hue)) <= 2.0 * color.tolerance
@@ -104,12 +107,13 @@ class AdaptiveWhiteBalance:
         return red, 1.0, blue
 
 
-def _pixels_of_colors(pose: ArrayLike, images: Images, matcher: Matcher) -> list[Array]:
+def _pixels_of_colors(pose: ArrayLike, scene: Scene, matcher: Matcher) -> list[Array]:
     """RGB values of the pixels under the inside points of each color's faces, each (n, 3)."""
     R, p = transform_from_pose(pose)
     model, solid = matcher.search_model, matcher.solid
     found: dict[str, list[Array]] = {name: [] for name in matcher.colors.names}
-    for camera, image in zip(matcher.rig.cameras, matcher.rig.check_images(images), strict=True):
+    for camera, view in zip(matcher.rig.cameras, scene.views, strict=True):
+        image = view.pixels.reshape(camera.height, camera.width, -1)
         p_MK = R.T @ (camera.p_CK - p)
         pixels = np.floor(camera.project(model.inside_points @ R.T + p) + 0.5)
         for k, material in enumerate(solid.materials):

@@ -149,12 +149,13 @@ def draw_local_moves(pose: Array, count: int, moves: Moves, rng: np.random.Gener
             number = size * rng.standard_normal()
             step[i] = number if rng.random() >= moves.sparsity else 0.0
         # A rotation vector's half is the quaternion's vector part, to first order.
-        turn = 0.5 * moves.rotation * step[:3]
+        turning, depth, shift = step[:3], step[3], step[4:]
+        turn = 0.5 * moves.rotation * turning
         turn = turn / max(1.0, math.sqrt(_dot(turn, turn)))
         turn_eta = math.sqrt(max(0.0, 1.0 - _dot(turn, turn)))
         arm = _rotate(eta, eps, moves.pivots[rng.integers(0, len(moves.pivots))])
         turned = r + arm - _rotate(turn_eta, turn, arm)
-        poses[n, :3] = turned + moves.depth * step[3] * sight + moves.shift * step[4:]
+        poses[n, :3] = turned + moves.depth * depth * sight + moves.shift * shift
         # Product of the two quaternions, with the sign that makes the scalar part positive
         scalar = turn_eta * eta - _dot(turn, eps)
         vector = turn_eta * eps + eta * turn + np.cross(turn, eps)

@@ -25,7 +25,8 @@ class Generation:
         poses: Pose vectors ``(r [m], eps)``, shape (N, 6).
         fitness: Their fitness, shape (N,), in descending order; but a refined pose stands first,
             whatever its fitness.
-        covariance: Covariance of the first pose where that is refined, shape (6, 6); else None.
+        covariance: Covariance of the error of the first pose where that is refined, or predicted
+            from one that was, shape (6, 6); else None.
         gains: White balance for the next frame: what red, green and blue are multiplied with.
         state: Whether the first pose may be relied on.
         confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where it is not
@@ -33,7 +34,7 @@ class Generation:
         is_tracking: Whether it is right with enough confidence.
         unseen: For how many frames it has not been seen, or not where it was expected.
         motion: What is known of the target's own motion; None for nothing.
-        stamps: A number a camera that tells its image from others.
+        image_hashes: A number a camera that tells its image from others.
     """
 
     poses: Array
@@ -45,13 +46,18 @@ class Generation:
     is_tracking: bool = False
     unseen: int = 0
     motion: PoseFilter | None = None
-    stamps: tuple[float, ...] = ()
+    image_hashes: tuple[float, ...] = ()
 
     @property
     def best(self) -> Array:
         """The recognized pose, shape (6,): refined, or the fittest individual, Eq. (25)."""
         best: Array = self.poses[0]
         return best
+
+    @property
+    def refined(self) -> bool:
+        """Whether the first pose is refined on this frame's images."""
+        return self.covariance is not None and self.state != TrackingState.PREDICTED
 
     def carried(self, R_DC: ArrayLike, p_DC: ArrayLike) -> Generation:
         """The same, seen from where the cameras are by now, Eq. (23).
@@ -63,7 +69,7 @@ class Generation:
         motion = None if self.motion is None else self.motion.carried(R_DC, p_DC)
         return dc.replace(self, poses=transport_pose(self.poses, R_DC, p_DC), motion=motion)
 
-    def drifted(self, motion: PoseFilter) -> Generation:
+    def moved_with_target(self, motion: PoseFilter) -> Generation:
         """The same, carried along with what is known of the target's own motion.
 
         Args:

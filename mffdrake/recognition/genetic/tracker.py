@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses as dc
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
@@ -16,6 +17,7 @@ from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.genetic.starts import RandomStart, Start
+from mffdrake.recognition.parameters import Count, check_fields
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import NoRefinement, Refiner
 
@@ -48,7 +50,6 @@ class OneStepGaTracker:
             a refiner, of a fitness above ``sure_fitness``.
         sure_fitness: From there on the white balance trusts an unrefined pose (0 to 1).
         seed: Of the random numbers, at least 0.
-        algorithm: Breeds the generations, as the parameters say.
 
     Raises:
         ValueError: When ``generations_per_frame`` or ``seed`` is out of range.
@@ -68,22 +69,17 @@ class OneStepGaTracker:
     coding: GeneCoding = field(default_factory=GeneCoding)
     parameters: GeneticParameters = field(default_factory=GeneticParameters)
     local_moves: LocalMoveParameters = field(default_factory=LocalMoveParameters)
-    generations_per_frame: int = 1
+    generations_per_frame: Count = 1
     start: Start = field(default_factory=RandomStart)
     refiner: Refiner = field(default_factory=NoRefinement)
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
-    seed: int = 0
+    seed: Annotated[int, Ge(0)] = 0
     algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Checks the parameters and puts the algorithm together."""
-        if self.generations_per_frame < 1:
-            raise ValueError(
-                f"generations_per_frame must be at least 1, not {self.generations_per_frame}"
-            )
-        if self.seed < 0:
-            raise ValueError(f"seed must be at least 0, not {self.seed}")
+        check_fields(self)
         solid = self.matcher.search_model.solid
         center = solid.vertices.mean(axis=0, keepdims=True)
         moves = LocalMoves(
@@ -124,7 +120,17 @@ class OneStepGaTracker:
             The best of the drawn candidates, as many as the population has.
         """
         scene = self.matcher.scene(images, gains)
-        return self._finish(self.draw(scene, gains, self.rng(frame)), images, scene)
+        return self.start_on(scene, gains, frame)
+
+    def start_on(self, scene: Scene, gains: Gains, frame: int) -> Generation:
+        """`start_population` on images that were made ready before.
+
+        Args:
+            scene: The images, see `Matcher.scene`.
+            gains: Their white balance.
+            frame: Number of the frame.
+        """
+        return self._finish(self.draw(scene, gains, self.rng(frame)), scene)
 
     def draw(self, scene: Scene, gains: Gains, rng: np.random.Generator) -> Generation:
         """The first population, scored, and nothing else.
@@ -162,12 +168,24 @@ class OneStepGaTracker:
             ValueError: When the population's size is not the parameters'.
         """
         self.check_size(generation)
-        scene, rng = self.matcher.scene(images, generation.gains), self.rng(frame)
-        center = None if generation.covariance is None else generation.best
-        for _ in range(self.generations_per_frame):
-            generation = self._breed_once(generation, scene, rng, center, proposals)
-            center, proposals = None, None
-        return self._finish(generation, images, scene)
+        scene = self.matcher.scene(images, generation.gains)
+        return self.track_on(generation, scene, frame, proposals)
+
+    def track_on(
+        self, generation: Generation, scene: Scene, frame: int, proposals: ArrayLike | None = None
+    ) -> Generation:
+        """`track` on images that were made ready before.
+
+        Args:
+            generation: The last population.
+            scene: The images, see `Matcher.scene`, with that population's white balance.
+            frame: Number of the frame.
+            proposals: See `track`.
+        """
+        rng = self.rng(frame)
+        center = generation.best if generation.refined else None
+        generation = self.breed(generation, scene, rng, center, proposals)
+        return self._finish(generation, scene)
 
     def breed(
         self,
@@ -175,6 +193,7 @@ class OneStepGaTracker:
         scene: Scene,
         rng: np.random.Generator,
         center: ArrayLike | None = None,
+        proposals: ArrayLike | None = None,
     ) -> Generation:
         """A frame's generations, scored, and nothing else.
 
@@ -183,24 +202,15 @@ class OneStepGaTracker:
             scene: The images, see `Matcher.scene`.
             rng: Source of randomness.
             center: Pose vector that the children of the first are drawn around, shape (6,).
+            proposals: Further pose vectors that the first generation tries, shape (K, 6).
         """
         for _ in range(self.generations_per_frame):
-            generation = self._breed_once(generation, scene, rng, center, None)
-            center = None
+            poses = self.algorithm.breed(generation.poses, generation.fitness, rng, center)
+            if proposals is not None:
+                poses = np.concatenate([poses, proposals])
+            generation = self._select(poses, scene, generation)
+            center, proposals = None, None
         return generation
-
-    def _breed_once(
-        self,
-        generation: Generation,
-        scene: Scene,
-        rng: np.random.Generator,
-        center: ArrayLike | None,
-        proposals: ArrayLike | None,
-    ) -> Generation:
-        candidates = self.algorithm.breed(generation.poses, generation.fitness, rng, center)
-        if proposals is not None:
-            candidates = np.concatenate([candidates, proposals])
-        return self._select(candidates, scene, generation)
 
     def join(self, generation: Generation, poses: Array, scene: Scene) -> Generation:
         """A population in which further poses have the places of the last individuals.
@@ -230,16 +240,13 @@ class OneStepGaTracker:
         """The same with another first population."""
         return dc.replace(self, start=start)
 
-    def refine(self, generation: Generation, images: Images) -> Generation:
+    def refine(self, generation: Generation, scene: Scene) -> Generation:
         """Puts the refined best pose first, where there is one.
 
         Args:
             generation: A population scored on these images.
-            images: One a camera, uint8, shape (height, width, 3 or 4).
+            scene: The images, see `Matcher.scene`, with the population's white balance.
         """
-        return self._refine(generation, self.matcher.scene(images, generation.gains))
-
-    def _refine(self, generation: Generation, scene: Scene) -> Generation:
         refined = self.refiner.refine_scene(generation.best, scene)
         if not refined.converged:
             return generation
@@ -251,11 +258,11 @@ class OneStepGaTracker:
             state=TrackingState.TRACKING,
         )
 
-    def _finish(self, generation: Generation, images: Images, scene: Scene) -> Generation:
+    def _finish(self, generation: Generation, scene: Scene) -> Generation:
         """Refines the best pose, and adapts the white balance where it is sure."""
-        generation, gains = self._refine(generation, scene), generation.gains
-        if generation.covariance is not None or generation.fitness[0] > self.sure_fitness:
-            gains = self.white_balance.adapt(gains, generation.best, images, self.matcher)
+        generation, gains = self.refine(generation, scene), generation.gains
+        if generation.refined or generation.fitness[0] > self.sure_fitness:
+            gains = self.white_balance.adapt(gains, generation.best, scene, self.matcher)
             return dc.replace(
                 generation, gains=gains, state=TrackingState.TRACKING, is_tracking=True
             )

@@ -20,6 +20,8 @@ from mffdrake.recognition.parameters.checked import (
     Seed,
     Share,
     Vector3,
+    check,
+    check_fields,
     parameters,
     read_parameters,
 )
@@ -39,6 +41,8 @@ __all__ = [
     "Seed",
     "Share",
     "Vector3",
+    "check",
+    "check_fields",
     "choices",
     "describe",
     "did_you_mean",

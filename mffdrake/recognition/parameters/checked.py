@@ -6,8 +6,9 @@ import dataclasses as dc
 import functools
 import inspect
 import json
+import typing
 from collections.abc import Hashable, Mapping
-from typing import Annotated, Any, TypeVar, cast, dataclass_transform
+from typing import Annotated, Any, Literal, TypeVar, cast, dataclass_transform
 
 import pydantic
 import pydantic.dataclasses
@@ -27,6 +28,8 @@ __all__ = [
     "Seed",
     "Share",
     "Vector3",
+    "check",
+    "check_fields",
     "parameters",
     "read_parameters",
 ]
@@ -163,3 +166,76 @@ def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
     except ValidationError as error:
         raise ParameterError(explain(error, where)) from error
     return made
+
+
+def check(annotation: Any, value: Any, name: str) -> Any:
+    """A single value, of the range that an annotation tells.
+
+    Args:
+        annotation: Such as `Positive`, or a Literal.
+        value: The value; NumPy's numbers are taken for Python's.
+        name: What to call it in messages.
+
+    Returns:
+        The value, as a number of the annotation's type.
+
+    Raises:
+        ParameterError: When it is outside the range; one line.
+
+    Example:
+        >>> try:
+        ...     check(Positive, -1.0, "rate")
+        ... except ParameterError as error:
+        ...     print(error)
+        rate must be positive, not -1.0
+    """
+    try:
+        return _adapter(annotation).validate_python(_tidy(value))
+    except ValidationError as error:
+        raise ParameterError(explain(error, name)) from error
+
+
+def check_fields(instance: Any, prefix: str = "") -> None:
+    """Checks the fields of a plain dataclass whose annotations tell a range.
+
+    For classes that are no `parameters`, as they are made with positional arguments or hold what
+    is no parameter; to be called in ``__post_init__``. Checked values take the place of the given
+    ones.
+
+    Args:
+        instance: The dataclass's instance.
+        prefix: What messages begin with.
+
+    Raises:
+        ParameterError: See `check`.
+
+    Example:
+        >>> @dc.dataclass(frozen=True)
+        ... class Disk:
+        ...     radius: Positive
+        ...     def __post_init__(self):
+        ...         check_fields(self, "disk: ")
+        >>> try:
+        ...     Disk(0.0)
+        ... except ParameterError as error:
+        ...     print(error)
+        disk: radius must be positive, not 0.0
+    """
+    cls = cast(Hashable, type(instance))
+    for name, annotation in _ranges(cls):
+        value = check(annotation, getattr(instance, name), f"{prefix}{name}")
+        object.__setattr__(instance, name, value)
+
+
+@functools.cache
+def _ranges(cls: Any) -> tuple[tuple[str, Any], ...]:
+    """Names and annotations of the fields that have a range."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    fields = ((field.name, hints[field.name]) for field in dc.fields(cls) if field.init)
+    return tuple((name, hint) for name, hint in fields if _has_range(hint))
+
+
+def _has_range(hint: Any) -> bool:
+    inside = typing.get_args(hint) if typing.get_origin(hint) is tuple else ()
+    is_range = typing.get_origin(hint) in (Annotated, Literal)
+    return is_range or any(_has_range(item) for item in inside)

@@ -2,22 +2,44 @@
 
 `PoseFilter` says what is estimated; here is how it is computed. Errors are those of position,
 orientation, linear and angular velocity, and perhaps their rates, seen from the target.
+
+An error has *orders* of six numbers each, three linear and three angular ones: order 0 is the pose,
+1 the velocity, 2 the acceleration; behind them stand the linear and the angular stiffness. A motion
+has the same without the pose.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.poses.cholesky import factor, solve
-from mffdrake.recognition.poses.rotations import multiply, rotation
+from mffdrake.recognition.poses.rotations import multiply, rotation, scalar_part
 
 Array = NDArray[np.float64]
 
 _HALF_TURN = 1e-6  # A quaternion's scalar part up to which rounding hides the angle's covariance
+
+
+ORDER = 6  # numbers of an order
+STIFFNESS = 18  # the first of the two, in an error
+MOTION_STIFFNESS = STIFFNESS - ORDER  # and in a motion
+
+
+@njit(cache=True, error_model="numpy")
+def _linear(order: int) -> slice:
+    """Where the linear numbers of an order are."""
+    return slice(ORDER * order, ORDER * order + 3)
+
+
+@njit(cache=True, error_model="numpy")
+def _angular(order: int) -> slice:
+    """Where the angular numbers of an order are."""
+    return slice(ORDER * order + 3, ORDER * order + 6)
 
 
 @njit(cache=True, error_model="numpy")
@@ -54,12 +76,6 @@ def _skew(v: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def scalar_part(eps: Array) -> float:
-    """A quaternion's scalar part, not negative."""
-    return math.sqrt(max(0.0, 1.0 - eps[0] ** 2 - eps[1] ** 2 - eps[2] ** 2))
-
-
-@njit(cache=True, error_model="numpy")
 def quaternion_exp(v: Array) -> Array:
     """Quaternion of a rotation vector [rad], the scalar part first, shape (4,)."""
     angle = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
@@ -89,7 +105,7 @@ def rotation_log(q: Array) -> Array:
 def _quaternion(eps: Array, sign: float) -> Array:
     """Quaternion of an orientation (sign 1) or of its inverse (-1), the scalar part first."""
     q = np.empty(4)
-    q[0] = scalar_part(eps)
+    q[0] = scalar_part(eps[0], eps[1], eps[2])
     q[1:] = sign * eps
     return q
 
@@ -121,7 +137,7 @@ def right_jacobian(v: Array, sign: float) -> Array:
 def body_covariance(pose: Array, covariance: Array) -> Array:
     """See `pose_filter.body_covariance`."""
     eps = pose[3:]
-    eta, R, S = scalar_part(eps), rotation(eps), _skew(eps)
+    eta, R, S = scalar_part(eps[0], eps[1], eps[2]), rotation(eps), _skew(eps)
     A = np.zeros((6, 6))
     for i in range(3):
         for j in range(3):
@@ -204,13 +220,13 @@ def predict(
     # Ways, velocities and accelerations later, and their derivatives by the stiffness
     gone, stiffer = np.zeros((3, 6)), np.zeros((3, 6))
     for part in range(2):  # the linear motion, and the angular one
-        stiffness = motion[12 + part] if orders == 2 else 0.0
+        stiffness = motion[MOTION_STIFFNESS + part] if orders == 2 else 0.0
         M[part], dM[part], noise[part] = transition(dt, lasting, stiffness)
         for r in range(3):
             for q in range(orders):
                 for i in range(3 * part, 3 * part + 3):
-                    gone[r, i] += M[part, r, 1 + q] * motion[6 * q + i]
-                    stiffer[r, i] += dM[part, r, 1 + q] * motion[6 * q + i]
+                    gone[r, i] += M[part, r, 1 + q] * motion[ORDER * q + i]
+                    stiffer[r, i] += dM[part, r, 1 + q] * motion[ORDER * q + i]
     way, turn = gone[0, :3], quaternion_exp(gone[0, 3:])
     E = _matrix(turn)
     back, straight = E.T.copy(), np.eye(3)
@@ -219,93 +235,111 @@ def predict(
     later_pose[:3] += _applied(rotation(pose[3:]), way)
     later_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
     for q in range(orders):
-        later[6 * q : 6 * q + 3] = _applied(back, gone[1 + q, :3])
-        later[6 * q + 3 : 6 * q + 6] = gone[1 + q, 3:]
+        later[_linear(q)] = _applied(back, gone[1 + q, :3])
+        later[_angular(q)] = gone[1 + q, 3:]
 
     F, Q = np.zeros((n, n)), np.zeros((n, n))
-    F[:3, :3], F[3:6, 3:6] = back, back
-    F[:3, 3:6] = -_product(back, _skew(way))
+    F[_linear(0), _linear(0)], F[_angular(0), _angular(0)] = back, back
+    F[_linear(0), _angular(0)] = -_product(back, _skew(way))
     for r in range(1 + orders):
         along = turns if r == 0 else straight
         for q in range(orders):
-            v, w = 6 + 6 * q, 9 + 6 * q
-            F[6 * r : 6 * r + 3, v : v + 3] = M[0, r, 1 + q] * back
-            F[6 * r + 3 : 6 * r + 6, w : w + 3] = M[1, r, 1 + q] * along
+            F[_linear(r), _linear(1 + q)] = M[0, r, 1 + q] * back
+            F[_angular(r), _angular(1 + q)] = M[1, r, 1 + q] * along
         if orders == 2:
-            F[6 * r : 6 * r + 3, 18] = _applied(back, stiffer[r, :3])
-            F[6 * r + 3 : 6 * r + 6, 19] = _applied(along, stiffer[r, 3:])
+            F[_linear(r), STIFFNESS] = _applied(back, stiffer[r, :3])
+            F[_angular(r), STIFFNESS + 1] = _applied(along, stiffer[r, 3:])
     for r in range(1 + orders):
         for q in range(1 + orders):
             for i in range(6):
                 part = i // 3
-                Q[6 * r + i, 6 * q + i] = densities[part] ** 2 * noise[part, r, q]
+                Q[ORDER * r + i, ORDER * q + i] = densities[part] ** 2 * noise[part, r, q]
     if orders == 2:
         for k in range(2):
-            later[12 + k] = learned[0] * motion[12 + k]
-            F[18 + k, 18 + k] = learned[0]
-            Q[18 + k, 18 + k] = (1.0 - learned[0] ** 2) * learned[1]
+            m, e = MOTION_STIFFNESS + k, STIFFNESS + k
+            later[m] = learned[0] * motion[m]
+            F[e, e] = learned[0]
+            Q[e, e] = (1.0 - learned[0] ** 2) * learned[1]
     # Where it has turned otherwise, the same vectors are seen from it otherwise.
     seen = np.zeros((n, 3))
     for q in range(orders):
-        seen[6 + 6 * q : 9 + 6 * q] = _skew(later[6 * q : 6 * q + 3])
-    F[:, 6:] += _product(seen, F[3:6, 6:].copy())
-    Q += _product(seen, Q[3:6].copy())
-    Q += _product(Q[:, 3:6].copy(), seen.T.copy())
+        seen[_linear(1 + q)] = _skew(later[_linear(q)])
+    F[:, ORDER:] += _product(seen, F[_angular(0), ORDER:].copy())
+    Q += _product(seen, Q[_angular(0)].copy())
+    Q += _product(Q[:, _angular(0)].copy(), seen.T.copy())
     return later_pose, later, _product(_product(F, P), F.T.copy()) + Q
+
+
+class Updated(NamedTuple):
+    """A filter after a measurement.
+
+    Attributes:
+        pose: As of a `PoseFilter`.
+        motion: As of a `PoseFilter`.
+        covariance: As of a `PoseFilter`.
+        innovation: As of a `PoseFilter`.
+        nis: As of a `PoseFilter`.
+        correlation: The innovation's product with the last one in units of its covariance S, by
+            its six degrees of freedom.
+    """
+
+    pose: Array
+    motion: Array
+    covariance: Array
+    innovation: Array
+    nis: float
+    correlation: float
 
 
 @njit(cache=True, error_model="numpy")
 def update(
-    pose: Array, motion: Array, P: Array, seen: Array, covariance: Array, last: Array
-) -> tuple[Array, Array, Array, Array, float, float]:
-    """Pose, motion and covariance with a measurement, and its innovation.
-
-    And a sixth of that one's square, and of its product with the last one, by its covariance S.
-    """
+    pose: Array, motion: Array, P: Array, measured: Array, covariance: Array, last: Array
+) -> Updated:
+    """The filter with a measurement; ``last`` is the innovation of the one before."""
     n = len(P)
     R = rotation(pose[3:])
-    away = np.empty(6)
-    # The turn from where it was expected to where it was seen, seen from the former
-    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(seen[3:], 1.0))
+    innovation = np.empty(6)
+    # The turn from where it was expected to where it was measured, seen from the former
+    between = multiply(_quaternion(pose[3:], -1.0), _quaternion(measured[3:], 1.0))
     for i in range(3):
-        away[i] = 0.0
+        innovation[i] = 0.0
         for j in range(3):
-            away[i] += R[j, i] * (seen[j] - pose[j])
-    away[3:] = rotation_log(between)
-    # The measurement's error, from where it was seen to where it was expected
+            innovation[i] += R[j, i] * (measured[j] - pose[j])
+    innovation[3:] = rotation_log(between)
+    # The measurement's error, seen from where it was expected
     D = np.zeros((6, 6))
-    D[:3, :3] = _matrix(between)
-    D[3:, 3:] = right_jacobian(away[3:], -1.0)
-    N = _product(_product(D, body_covariance(seen, covariance)), D.T.copy())
-    S, L = P[:6, :6] + N, np.zeros((6, 6))
+    D[_linear(0), _linear(0)] = _matrix(between)
+    D[_angular(0), _angular(0)] = right_jacobian(innovation[3:], -1.0)
+    N = _product(_product(D, body_covariance(measured, covariance)), D.T.copy())
+    S, L = P[:ORDER, :ORDER] + N, np.zeros((6, 6))
     if not factor(S, L):
-        return pose, motion, P, away, np.inf, 0.0
+        return Updated(pose, motion, P, innovation, np.inf, 0.0)
     K = np.empty((n, 6))  # P H^T S^-1
     for i in range(n):
-        K[i] = solve(L, P[i, :6].copy())
-    change = np.zeros(n)
+        K[i] = solve(L, P[i, :ORDER].copy())
+    correction = np.zeros(n)
     for i in range(n):
         for j in range(6):
-            change[i] += K[i, j] * away[j]
-    turn = quaternion_exp(change[3:6])
+            correction[i] += K[i, j] * innovation[j]
+    turn = quaternion_exp(correction[_angular(0)])
     # What is left of the error, seen from the target as it has been turned
     G = np.eye(n)
-    G[:3, :3] = _matrix(turn).T
-    G[3:6, 3:6] = right_jacobian(change[3:6], 1.0)
+    G[_linear(0), _linear(0)] = _matrix(turn).T
+    G[_angular(0), _angular(0)] = right_jacobian(correction[_angular(0)], 1.0)
     M = _product(G, K)
     A = G.copy()
-    A[:, :6] -= M
+    A[:, :ORDER] -= M
     # Joseph's form: positive whatever is rounded
     left = _product(_product(A, P), A.T.copy()) + _product(_product(M, N), M.T.copy())
-    new_pose, new_motion = pose.copy(), motion + change[6:]
+    new_pose, new_motion = pose.copy(), motion + correction[ORDER:]
     for i in range(3):
         for j in range(3):
-            new_pose[i] += R[i, j] * change[j]
+            new_pose[i] += R[i, j] * correction[j]
     new_pose[3:] = multiply(_quaternion(pose[3:], 1.0), turn)[1:]
-    for i in range(12, n - 6):  # stiffnesses
+    for i in range(MOTION_STIFFNESS, n - ORDER):  # stiffnesses, where there are any
         new_motion[i] = max(0.0, new_motion[i])
-    weighed, surprise, alike = solve(L, away), 0.0, 0.0
+    normalized, nis, correlation = solve(L, innovation), 0.0, 0.0
     for i in range(6):
-        surprise += away[i] * weighed[i] / 6.0
-        alike += last[i] * weighed[i] / 6.0
-    return new_pose, new_motion, 0.5 * (left + left.T), away, surprise, alike
+        nis += innovation[i] * normalized[i] / 6.0
+        correlation += last[i] * normalized[i] / 6.0
+    return Updated(new_pose, new_motion, 0.5 * (left + left.T), innovation, nis, correlation)

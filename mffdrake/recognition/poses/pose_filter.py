@@ -29,13 +29,13 @@ __all__ = [
 NUM_NUMBERS = 20 + 20 * 20 + 8
 """How many numbers a filter is, some of them NaN where accelerations do not last."""
 
-_FORGETTING = 300.0  # of how it swings [s]
-_CALMEST = 0.125  # of the accelerations, for a target that moves as expected
-_LEARNING = 0.1  # so fast that is learned, a measurement
-_COLORED = 0.2  # Errors of poses that look alike are a little alike by themselves.
-_CALM = 0.5  # Surprises of less calm it, too.
-_JOLT = 16.0  # One of more ends that at once, ...
-_MOST_JOLTED = 4.0  # and makes it so many times as restless at most.
+_STIFFNESS_TIME = 300.0  # constant, with which what was learned of the stiffness decays [s]
+_LEAST_NOISE_SCALE = 0.125  # for a target that moves as expected
+_LEARNING_RATE = 0.1  # of the noise scale's logarithm, a measurement
+_COLORED = 0.2  # Errors of poses that look alike are correlated a little by themselves.
+_LOW_NIS = 0.5  # A lower one makes the noise scale smaller, too.
+_JOLT_NIS = 16.0  # A higher one makes it larger at once, ...
+_MOST_GROWTH = 4.0  # by so much at most.
 
 Array = NDArray[np.float64]
 
@@ -54,10 +54,9 @@ class PoseFilterParameters:
             linear and that of the angular motion, are learned, and are about as much at most.
         speed: Standard deviation of its velocity before anything is known of it [m/s].
         angular_speed: The same of its angular velocity [rad/s].
-        adaptive: Whether accelerations count as stronger where measurements in a row are away from
-            where they were expected to the same side, and as weaker where to the other side (Mehra
-            1970: those of a filter that is right are independent); and as stronger at once where
-            one is very far away.
+        adaptive: Whether accelerations count as stronger where innovations in a row are
+            positively correlated, and as weaker where negatively (Mehra 1970: those of a filter
+            that is right are independent); and as stronger at once where one is very large.
 
     Raises:
         ValueError: When a parameter is not positive, or ``lasting`` or ``swing`` is negative.
@@ -98,9 +97,10 @@ class PoseFilter:
         covariance: Of the errors of position, orientation, linear and angular velocity and, where
             they last, of the rest of the motion, all seen from the target, shape (12, 12) or
             (20, 20).
-        surprise: How far the last measurement was from where it was expected: the squared distance
-            in units of its covariance, a sixth of it, so that 1 is usual.
-        unrest: Times that, accelerations are as strong as the rules say, where they are adaptive.
+        nis: The last measurement's normalized innovation squared, by its six degrees of freedom:
+            how far it was from where it was expected, squared, in units of its covariance; 1 on
+            average.
+        noise_scale: Factor on the accelerations' densities, where those are adaptive.
         innovation: From where the last measurement was expected to where it was, position [m] and
             rotation vector [rad], seen from the target, shape (6,).
 
@@ -117,8 +117,8 @@ class PoseFilter:
     pose: Array
     motion: Array
     covariance: Array = field(repr=False)
-    surprise: float = 0.0
-    unrest: float = 1.0
+    nis: float = 0.0
+    noise_scale: float = 1.0
     innovation: Array = field(default_factory=lambda: np.zeros(6), repr=False)
 
     @classmethod
@@ -155,10 +155,11 @@ class PoseFilter:
         """
         from mffdrake.recognition.poses import filter_steps  # numba: slow to import
 
-        unrest = self.unrest if rules.adaptive else 1.0
-        white = unrest / rules.lasting if rules.lasting else unrest  # where they last, the jerk
+        noise_scale = self.noise_scale if rules.adaptive else 1.0
+        # Where accelerations last, it is the jerk that is white.
+        white = noise_scale / rules.lasting if rules.lasting else noise_scale
         densities = (white * rules.acceleration, white * rules.angular_acceleration)
-        known, learned = self._as(rules), (math.exp(-dt / _FORGETTING), rules.swing**4)
+        known, learned = self._as(rules), (math.exp(-dt / _STIFFNESS_TIME), rules.swing**4)
         pose, motion, covariance = filter_steps.predict(
             known.pose,
             known.motion,
@@ -168,7 +169,7 @@ class PoseFilter:
             densities,
             learned,
         )
-        return PoseFilter(pose, motion, covariance, self.surprise, unrest, self.innovation)
+        return PoseFilter(pose, motion, covariance, self.nis, noise_scale, self.innovation)
 
     def _as(self, rules: PoseFilterParameters) -> PoseFilter:
         """With accelerations where the rules let them last, without where not."""
@@ -190,7 +191,7 @@ class PoseFilter:
         """
         from mffdrake.recognition.poses import filter_steps  # numba: slow to import
 
-        new_pose, motion, P, innovation, surprise, alike = filter_steps.update(
+        updated = filter_steps.update(
             self.pose,
             self.motion,
             self.covariance,
@@ -198,25 +199,31 @@ class PoseFilter:
             np.array(covariance, dtype=float),
             self.innovation,
         )
-        unrest = self._adapted(surprise, alike)
-        return PoseFilter(new_pose, motion, P, surprise, unrest, innovation)
+        return PoseFilter(
+            updated.pose,
+            updated.motion,
+            updated.covariance,
+            updated.nis,
+            self._adapted(updated.nis, updated.correlation),
+            updated.innovation,
+        )
 
-    def surprised(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
-        """Without a measurement that is not to be believed, but as restless as it makes.
+    def reject(self, pose: ArrayLike, covariance: ArrayLike) -> PoseFilter:
+        """Without a measurement that is an outlier, but with the noise scale that it leads to.
 
         Args:
             pose: Pose vector that was measured, shape (6,).
             covariance: Covariance of its error, as a `Generation`'s, shape (6, 6).
         """
-        told = self.update(pose, covariance)
-        return dc.replace(self, surprise=told.surprise, unrest=told.unrest)
+        updated = self.update(pose, covariance)
+        return dc.replace(self, nis=updated.nis, noise_scale=updated.noise_scale)
 
-    def _adapted(self, surprise: float, alike: float) -> float:
-        """The unrest after a measurement, with how alike its innovation and the last one are."""
-        if surprise > _JOLT:
-            return max(1.0, self.unrest) * min(math.sqrt(math.sqrt(surprise)), _MOST_JOLTED)
-        restless = min(max(alike - _COLORED, -1.0), 10.0) - max(0.0, 1.0 - surprise / _CALM)
-        return max(_CALMEST, self.unrest * math.exp(_LEARNING * restless))
+    def _adapted(self, nis: float, correlation: float) -> float:
+        """The noise scale after a measurement, whose innovation may be correlated with the last."""
+        if nis > _JOLT_NIS:
+            return max(1.0, self.noise_scale) * min(math.sqrt(math.sqrt(nis)), _MOST_GROWTH)
+        growth = min(max(correlation - _COLORED, -1.0), 10.0) - max(0.0, 1.0 - nis / _LOW_NIS)
+        return max(_LEAST_NOISE_SCALE, self.noise_scale * math.exp(_LEARNING_RATE * growth))
 
     def numbers(self, pose: ArrayLike) -> Array:
         """The filter for who keeps it beside a pose vector, shape (`NUM_NUMBERS`,).
@@ -226,7 +233,7 @@ class PoseFilter:
         (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(self.pose)
         own = pose_from_transform(R.T @ R_own, R.T @ (p_own - p))
         P, numbers = self.covariance, np.full(NUM_NUMBERS, math.nan)
-        rest = [self.surprise, self.unrest, *self.innovation]
+        rest = [self.nis, self.noise_scale, *self.innovation]
         known = np.concatenate([own, self.motion, P.reshape(-1), rest])
         numbers[: known.size] = known
         return numbers
@@ -236,11 +243,12 @@ class PoseFilter:
         """The filter whose `numbers` were kept beside a pose vector."""
         n = np.array(numbers, dtype=float)
         n = n[: n.size - int(np.argmin(np.isnan(n[::-1])))]
-        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(n[:6])
+        size = math.isqrt(n.size - 8)  # of an error: it, its covariance and 2 + 6 numbers
+        own, motion, P, scalars, innovation = np.split(n, np.cumsum([6, size - 6, size**2, 2]))
+        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(own)
         own = pose_from_transform(R @ R_own, p + R @ p_own)
-        size = math.isqrt(n.size - 8)  # n^2 + n + 8 numbers
-        P = n[size:-8].reshape(size, size)
-        return cls(own, n[6:size], P, float(n[-8]), float(n[-7]), n[-6:])
+        nis, noise_scale = scalars.tolist()
+        return cls(own, motion, P.reshape(size, size), nis, noise_scale, innovation)
 
     def carried(self, R: ArrayLike, p: ArrayLike) -> PoseFilter:
         """The same, seen from another frame D.

@@ -3,12 +3,49 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Triple: TypeAlias = tuple[float, float, float]
+
+
+@njit(cache=True, error_model="numpy")
+def scalar_part(e1: float, e2: float, e3: float) -> float:
+    """A unit quaternion's scalar part by its vector part; not negative."""
+    return math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
+
+
+@njit(cache=True, error_model="numpy")
+def rotated(R: Array, x: float, y: float, z: float) -> Triple:
+    """A vector, rotated: R (x, y, z)."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def cross_product(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Triple:
+    """A x b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(cache=True, error_model="numpy")
+def _product(
+    a0: float, a1: float, a2: float, a3: float, b0: float, b1: float, b2: float, b3: float
+) -> tuple[float, float, float, float]:
+    """Product of two quaternions, scalar parts first, of numbers."""
+    return (
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + b0 * a1 + a2 * b3 - a3 * b2,
+        a0 * b2 + b0 * a2 + a3 * b1 - a1 * b3,
+        a0 * b3 + b0 * a3 + a1 * b2 - a2 * b1,
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -17,19 +54,16 @@ def transport(poses: Array, R_DC: Array, p_DC: Array, q_DC: Array) -> Array:
 
     ``q_DC`` is the vector part of R_DC's quaternion.
     """
-    a0 = math.sqrt(max(0.0, 1.0 - q_DC[0] ** 2 - q_DC[1] ** 2 - q_DC[2] ** 2))
     a1, a2, a3 = q_DC
+    a0 = scalar_part(a1, a2, a3)
     moved = np.empty(poses.shape)
     for n in range(len(poses)):
         x, y, z, b1, b2, b3 = poses[n]
-        b0 = math.sqrt(max(0.0, 1.0 - b1 * b1 - b2 * b2 - b3 * b3))
-        for i in range(3):
-            moved[n, i] = R_DC[i, 0] * x + R_DC[i, 1] * y + R_DC[i, 2] * z + p_DC[i]
-        # Product of the quaternions, with the sign that makes the scalar part positive
-        sign = -1.0 if a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3 < 0.0 else 1.0
-        moved[n, 3] = sign * (a0 * b1 + b0 * a1 + a2 * b3 - a3 * b2)
-        moved[n, 4] = sign * (a0 * b2 + b0 * a2 + a3 * b1 - a1 * b3)
-        moved[n, 5] = sign * (a0 * b3 + b0 * a3 + a1 * b2 - a2 * b1)
+        x, y, z = rotated(R_DC, x, y, z)
+        moved[n, 0], moved[n, 1], moved[n, 2] = x + p_DC[0], y + p_DC[1], z + p_DC[2]
+        q0, q1, q2, q3 = _product(a0, a1, a2, a3, scalar_part(b1, b2, b3), b1, b2, b3)
+        sign = -1.0 if q0 < 0.0 else 1.0  # makes the scalar part positive
+        moved[n, 3], moved[n, 4], moved[n, 5] = sign * q1, sign * q2, sign * q3
     return moved
 
 
@@ -39,12 +73,12 @@ def transport_along(poses: Array, now: Array, later: Array) -> Array:
     before, after = np.empty(4), np.empty(4)
     before[1:], after[1:] = -now[3:], later[3:]
     for q in (before, after):
-        q[0] = math.sqrt(max(0.0, 1.0 - q[1] ** 2 - q[2] ** 2 - q[3] ** 2))
+        q[0] = scalar_part(q[1], q[2], q[3])
     turn = multiply(after, before)
     R = rotation(turn[1:])
     p = later[:3].copy()
-    for i in range(3):
-        p[i] -= R[i, 0] * now[0] + R[i, 1] * now[1] + R[i, 2] * now[2]
+    x, y, z = rotated(R, now[0], now[1], now[2])
+    p[0], p[1], p[2] = p[0] - x, p[1] - y, p[2] - z
     return transport(poses, R, p, turn[1:])  # type: ignore[no-any-return]
 
 
@@ -52,7 +86,7 @@ def transport_along(poses: Array, now: Array, later: Array) -> Array:
 def rotation(eps: Array) -> Array:
     """Rotation matrix of a quaternion's vector part, shape (3, 3)."""
     e1, e2, e3 = eps[0], eps[1], eps[2]
-    eta = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
+    eta = scalar_part(e1, e2, e3)
     R = np.empty((3, 3))
     R[0, 0], R[1, 1], R[2, 2] = (
         1 - 2 * (e2 * e2 + e3 * e3),
@@ -79,11 +113,7 @@ def move(pose: Array, step: Array) -> Array:
     half = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
     d0, d1, d2, d3 = math.cos(0.5 * angle), half * a1, half * a2, half * a3
     e1, e2, e3 = pose[3:]
-    e0 = math.sqrt(max(0.0, 1.0 - e1 * e1 - e2 * e2 - e3 * e3))
-    q0 = d0 * e0 - d1 * e1 - d2 * e2 - d3 * e3
-    q1 = d0 * e1 + e0 * d1 + d2 * e3 - d3 * e2
-    q2 = d0 * e2 + e0 * d2 + d3 * e1 - d1 * e3
-    q3 = d0 * e3 + e0 * d3 + d1 * e2 - d2 * e1
+    q0, q1, q2, q3 = _product(d0, d1, d2, d3, scalar_part(e1, e2, e3), e1, e2, e3)
     norm = math.copysign(math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3), q0)
     moved[3], moved[4], moved[5] = q1 / norm, q2 / norm, q3 / norm
     return moved

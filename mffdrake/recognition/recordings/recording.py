@@ -68,7 +68,7 @@ class Recording:
         rig: The cameras.
         sources: Camera's name to its images.
         motion: The rig's pose in the world at every frame; None where it is not known.
-        stride: Every so-manieth frame counts.
+        stride: Every n-th frame counts.
         rate: Frames a second, where no motion tells the times.
 
     Raises:

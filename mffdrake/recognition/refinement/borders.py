@@ -1,7 +1,6 @@
 """Compiled search for color borders along a solid's projected edges (numba; import it late).
 
-`BorderRefiner` says what a border is; here is how it is found. Slots and lines are those of
-`_edge_lines`.
+`BorderRefiner` says what a border is; here is how it is found. Lines are those of `edge_lines`.
 """
 
 from __future__ import annotations
@@ -14,9 +13,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.lens import Eye, pixel
-from mffdrake.recognition.fitness.structs import ColorGate, Placed, Scene, Solid, new_placed, place
+from mffdrake.recognition.fitness.structs import (
+    ColorGate,
+    Placed,
+    Scene,
+    Solid,
+    in_camera,
+    look_up,
+    new_placed,
+    place,
+)
 from mffdrake.recognition.poses.rotations import rotation
 from mffdrake.recognition.refinement.edge_lines import Line, Lines, cross, edge_lines
+from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -25,7 +34,7 @@ Color: TypeAlias = tuple[float, float, float]
 
 BORDER = np.dtype(
     [
-        ("slot", np.int64),
+        ("line", np.int64),  # its place in the `Lines`
         ("along", np.float64),  # the row (or column) [px]
         ("across", np.float64),  # where on it [px]
         ("off", np.float64),  # how far from where it was expected [px]
@@ -54,7 +63,7 @@ class BorderRules(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """How borders are sought: how far from the edges [px], on every so-manieth row; and then."""
+    """How borders are sought: how far from the edges [px], on every n-th row; and then."""
 
     window: int
     spacing: int
@@ -93,16 +102,9 @@ def _mean_color(pixels: Image, first: int, second: int) -> Color:
 
 
 @njit(cache=True, error_model="numpy")
-def _shown_colors(gate: ColorGate, red: int, green: int, blue: int) -> int:
-    """The colors of an 8-bit pixel, one bit each."""
-    places = gate.places
-    return gate.table[places[0, red] + places[1, green] + places[2, blue]]  # type: ignore[no-any-return]
-
-
-@njit(cache=True, error_model="numpy")
 def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
     """Whether a pixel shows a color."""
-    shown = _shown_colors(gate, pixels[k, 0], pixels[k, 1], pixels[k, 2])
+    shown = look_up(gate.places, gate.table, pixels[k, 0], pixels[k, 1], pixels[k, 2])
     return (shown & color) != 0  # type: ignore[no-any-return]
 
 
@@ -139,8 +141,8 @@ def _find_border(
     contrast = dr * dr + dg * dg + db * db
     if contrast < rules.min_contrast * rules.min_contrast:
         return nothing
-    within = _shown_colors(gate, int(r0), int(g0), int(b0))
-    beyond = _shown_colors(gate, int(r1), int(g1), int(b1))
+    within = look_up(gate.places, gate.table, int(r0), int(g0), int(b0))
+    beyond = look_up(gate.places, gate.table, int(r1), int(g1), int(b1))
     if (within & sides.inside) == 0:
         return nothing
     if sides.outside != 0:
@@ -184,23 +186,23 @@ def find_borders(
     for view in scene.views:
         most = max(most, max(view.eye.width, view.eye.height) // stage.spacing + 1)
     needed = 0.0
-    for slot in range(len(lines)):
-        if lines[slot].seen:
-            needed += abs(lines[slot].last - lines[slot].first) / stage.spacing + 2.0
+    for line in lines:
+        if line.seen:
+            needed += abs(line.last - line.first) / stage.spacing + 2.0
     # No more memory than may be needed, and untouched: fresh pages cost more than the search.
     borders = np.empty(int(min(needed, float(len(lines) * most))), dtype=BORDER)
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     sought = np.zeros(len(scene.views), dtype=np.int64)
     room = stage.window + rules.blend + 3  # what `_find_border` may read on either side
-    count, seen, slot = 0, -1, 0
+    count, seen, n = 0, -1, 0
     R_CM, placed, none = rotation(pose[3:]), new_placed(), np.uint32(0)
     for view in scene.views:
         pixels, eye = view.pixels, view.eye
         seen += 1
         place(R_CM, pose[:3], eye, placed)
-        while slot < len(lines) and lines[slot].camera == seen:
-            line, here = lines[slot], slot
-            slot += 1
+        while n < len(lines) and lines[n].camera == seen:
+            line, here = lines[n], n
+            n += 1
             if not line.seen:
                 continue
             e = line.segment
@@ -233,24 +235,24 @@ def find_borders(
                 length, num_rows = num_rows, length
             start, stop = math.ceil(max(low, 0.0)), math.floor(min(high, num_rows - 1.0))
             rows = 0
-            for n in range(int(start), int(stop) + 1, stage.spacing):
-                along[rows] = n
+            for row in range(int(start), int(stop) + 1, stage.spacing):
+                along[rows] = row
                 rows += 1
             cross(eye, line, along[:rows], across[:rows], x[:rows], y[:rows])
             stride = 1 if line.rows else eye.width
             for r in range(rows):
-                expected, n = across[r], int(along[r])
+                expected, row = across[r], int(along[r])
                 if not room <= math.floor(expected + 0.5) < length - room:
                     continue
                 sought[seen] += 1
-                origin = n * eye.width if line.rows else n
+                origin = row * eye.width if line.rows else row
                 scan = Scan(origin, stride, length, expected, outward, stage.window)
                 position, blended = _find_border(
                     pixels, scan, sides, scene.gate, scene.noise, rules
                 )
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
-                    border.slot, border.along, border.across = here, along[r], position
+                    border.line, border.along, border.across = here, along[r], position
                     border.off = position - expected
                     border.blended, border.within, border.weight = blended, 0.0, 0.0
                     count += 1
@@ -271,28 +273,23 @@ def count_explained(
     counts[:, 1] = sought
     for border in borders:
         if abs(border.off) <= tolerance:
-            counts[lines[border.slot].camera, 0] += 1
+            counts[lines[border.line].camera, 0] += 1
     return counts
 
 
 @njit(cache=True, error_model="numpy")
 def _cosine(solid: Solid, face: int, placed: Placed) -> float:
     """Cosine between a face's normal and the line from its center to the camera."""
-    normal, center, eye = solid.normals[face], solid.centers[face], placed.p_MK
-    dx, dy, dz = eye[0] - center[0], eye[1] - center[1], eye[2] - center[2]
-    toward = normal[0] * dx + normal[1] * dy + normal[2] * dz
-    return toward / math.sqrt(dx * dx + dy * dy + dz * dz)  # type: ignore[no-any-return]
+    toward, squared = facing(solid.normals, solid.centers, face, placed.p_MK)
+    return toward / math.sqrt(squared)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
 def _outward(eye: Eye, line: Line, placed: Placed, ends: Array, inward: Array) -> int:
     """The direction (1 or -1) on a row or column that leads out of a face across its edge."""
-    R_KM, p_KM = placed.R, placed.p
     length = math.sqrt(((ends[1] - ends[0]) ** 2).sum())
     point = 0.5 * (ends[0] + ends[1]) + 0.1 * length * inward
-    x = R_KM[0, 0] * point[0] + R_KM[0, 1] * point[1] + R_KM[0, 2] * point[2] + p_KM[0]
-    y = R_KM[1, 0] * point[0] + R_KM[1, 1] * point[1] + R_KM[1, 2] * point[2] + p_KM[1]
-    z = R_KM[2, 0] * point[0] + R_KM[2, 1] * point[1] + R_KM[2, 2] * point[2] + p_KM[2]
+    x, y, z = in_camera(placed, point[0], point[1], point[2])
     # From the edge's middle a little way into the face, as the image shows it
     mx, my = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
     u0, v0 = pixel(eye.lens, mx, my)
@@ -324,11 +321,11 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
     count, last = 0, -1  # ``last``: the last row in the middle of three at one pixel
     for k in range(1, n - 1):
         before, here, after = borders[k - 1], borders[k], borders[k + 1]
-        if before.slot != after.slot or after.along - before.along != 2.0:
+        if before.line != after.line or after.along - before.along != 2.0:
             continue
         if rounded[k - 1] != rounded[k] or rounded[k + 1] != rounded[k]:
             continue
-        whole = last >= 0 and borders[last].slot == here.slot
+        whole = last >= 0 and borders[last].line == here.line
         whole = whole and here.along - borders[last].along == k - last  # no row is missing
         if whole and abs(rounded[k] - rounded[last]) == 1.0:
             stayed = 0
@@ -339,7 +336,7 @@ def find_jumps(borders: Borders, lines: Lines) -> Borders:
                     whole = False
             if whole:
                 jump = jumps[count]
-                jump.slot = here.slot
+                jump.line = here.line
                 jump.along = borders[last].along + stayed + 0.5
                 jump.across = 0.5 * (rounded[k] + rounded[last])
                 jump.off = 0.0

@@ -1,6 +1,6 @@
 """Compiled centering of a pose among all that round to the same borders (numba; import it late).
 
-In a hard image each row's border tells no more than between which two pixel centers the edge
+In an aliased image each row's border tells no more than between which two pixel centers the edge
 passes: ``|border - crossing| <= 1/2`` px. Linear in a small `move`, all rows together leave a
 polytope of poses that draw the very same image. Least squares need not end in its middle, above
 all where edges run along the pixels' rows or columns and few rows differ. The analytic center does:
@@ -22,7 +22,7 @@ from mffdrake.recognition.fitness.structs import Scene
 from mffdrake.recognition.poses.cholesky import factor, invert, solve
 from mffdrake.recognition.refinement.borders import BORDER, Borders
 from mffdrake.recognition.refinement.edge_lines import Lines
-from mffdrake.recognition.refinement.residuals import compare, hold_free
+from mffdrake.recognition.refinement.residuals import fix_gauge, linearize
 
 Array = NDArray[np.float64]
 
@@ -50,20 +50,20 @@ def find_walls(borders: Borders) -> Borders:
         if k > 0:
             before = borders[k - 1]
             first = not (
-                before.slot == here.slot
+                before.line == here.line
                 and here.along - before.along == 1.0
                 and math.floor(before.across) == pixel
             )
         if k < n - 1:
             after = borders[k + 1]
             last = not (
-                after.slot == here.slot
+                after.line == here.line
                 and after.along - here.along == 1.0
                 and math.floor(after.across) == pixel
             )
         if first or last:
             wall = walls[count]
-            wall.slot, wall.along, wall.across = here.slot, here.along, pixel + 0.5
+            wall.line, wall.along, wall.across = here.line, here.along, pixel + 0.5
             wall.blended, wall.within, wall.weight = 0.0, 0.0, here.weight
             count += 1
     return walls[:count]
@@ -87,7 +87,7 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
     if n < _LEAST_WALLS:
         return False, x, H
     residuals, J = np.empty(n), np.empty((n, 6))
-    compare(pose, lines, walls, scene, residuals, J)
+    linearize(pose, lines, walls, scene, residuals, J)
     y, z = np.empty(n), np.empty(n)
     for k in range(n):
         y[k] = max(HALF - residuals[k], _LEAST_SLACK * HALF)
@@ -105,7 +105,7 @@ def center(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> tuple[b
                 gradient[i] += J[k, i] * slope
                 for j in range(i + 1):
                     H[i, j] += J[k, i] * J[k, j] * curvature
-        hold_free(H, pose, scene.solid)
+        fix_gauge(H, pose, scene.solid)
         if not factor(H, L):
             break
         step = solve(L, gradient)

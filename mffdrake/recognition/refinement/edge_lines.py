@@ -1,12 +1,12 @@
 """Compiled geometry of a solid's projected edges (numba). Import only where it runs.
 
-A *slot* is a segment of an edge seen by a camera (see `Outlines`). On the plane of normalized
-coordinates it is a straight line; in the image the lens bends it.
+A *line* is a segment of an edge as a camera sees it (see `Outlines`). On the plane of normalized
+coordinates it is straight; in the image the lens bends it.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -22,9 +22,8 @@ from mffdrake.recognition.camera.lens import (
     pixel_jacobian,
     turned_back,
 )
-from mffdrake.recognition.fitness.structs import Solid, new_placed, place
-from mffdrake.recognition.poses.rotations import rotation
-from mffdrake.recognition.visibility.drawing import aspect_of
+from mffdrake.recognition.fitness.structs import Solid, aspect_shown, new_placed, place
+from mffdrake.recognition.poses.rotations import cross_product, rotated, rotation
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,28 +51,27 @@ LINE = np.dtype(
         ("slope", np.float64),  # how far it moves from a row (column) to the next, at most 1 aside
     ]
 )
-"""The line of a slot."""
+"""A segment of an edge, seen by a camera."""
 
 
 @njit(cache=True, error_model="numpy")
 def edge_lines(pose: Array, solid: Solid, views: tuple[View, ...]) -> Lines:
-    """The lines of all slots, camera by camera."""
-    R_CM, outlines, middle = rotation(pose[3:]), solid.outlines, solid.middle
+    """The lines of all segments that a camera may see, camera by camera."""
+    R_CM, outlines = rotation(pose[3:]), solid.outlines
     aspects, count = np.empty(len(views), dtype=np.int64), 0
     placed, k = new_placed(), -1
     for view in views:
         k += 1
         place(R_CM, pose[:3], view.eye, placed)
-        x, y, z = placed.p_MK[0] - middle[0], placed.p_MK[1] - middle[1], placed.p_MK[2] - middle[2]
-        aspects[k] = aspect_of(x, y, z, outlines.grid)
+        aspects[k] = aspect_shown(placed, solid.middle, outlines.grid)
         count += outlines.start[aspects[k] + 1] - outlines.start[aspects[k]]
     lines = np.zeros(count, dtype=LINE)
-    slot, k = 0, -1
+    n, k = 0, -1
     for view in views:
         k += 1
         for entry in range(outlines.start[aspects[k]], outlines.start[aspects[k] + 1]):
-            line = lines[slot]
-            slot += 1
+            line = lines[n]
+            n += 1
             line.camera, line.segment = k, outlines.segments[entry]
             ends = outlines.ends[line.segment]
             _place_line(line, R_CM, pose, view.eye, ends[0], ends[1])
@@ -98,12 +96,12 @@ def move_lines(
     Returns whether all that were seen still are.
     """
     R_CM = rotation(pose[3:])
-    slot, whole, k = 0, True, -1
+    n, whole, k = 0, True, -1
     for view in views:
         k += 1
-        while slot < len(lines) and lines[slot].camera == k:
-            line = lines[slot]
-            slot += 1
+        while n < len(lines) and lines[n].camera == k:
+            line = lines[n]
+            n += 1
             if not line.seen:
                 continue
             ends = solid.outlines.ends[line.segment]
@@ -144,10 +142,8 @@ def _measure_line(eye: Eye, line: Line, with_slope: bool) -> None:
 @njit(cache=True, error_model="numpy")
 def _in_view(R_CM: Array, pose: Array, eye: Eye, p_M: Array) -> tuple[float, float, float]:
     """A point of the target in a camera's frame, Eq. (13), (16)."""
-    x = R_CM[0, 0] * p_M[0] + R_CM[0, 1] * p_M[1] + R_CM[0, 2] * p_M[2] + pose[0]
-    y = R_CM[1, 0] * p_M[0] + R_CM[1, 1] * p_M[1] + R_CM[1, 2] * p_M[2] + pose[1]
-    z = R_CM[2, 0] * p_M[0] + R_CM[2, 1] * p_M[1] + R_CM[2, 2] * p_M[2] + pose[2]
-    p_K: tuple[float, float, float] = in_view(eye, x, y, z)
+    x, y, z = rotated(R_CM, p_M[0], p_M[1], p_M[2])
+    p_K: tuple[float, float, float] = in_view(eye, x + pose[0], y + pose[1], z + pose[2])
     return p_K
 
 
@@ -180,14 +176,25 @@ def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array)
             across[k] = lens.fy * y[k] + lens.cy
 
 
-@njit(cache=True, error_model="numpy")
-def _cross_bent(
-    lens: Lens, line: Line, at: float, share: float
-) -> tuple[float, float, float, float]:
-    """`cross` with a line that the lens bends, by Newton's steps along it.
+class Crossing(NamedTuple):
+    """Where a row (or column) crosses a line.
 
-    Returns the share of the line that comes before the place, and what `cross` finds.
+    Attributes:
+        share: Of the line that comes before the place.
+        across: The place's other pixel coordinate.
+        x: Its normalized coordinates.
+        y: The same.
     """
+
+    share: float
+    across: float
+    x: float
+    y: float
+
+
+@njit(cache=True, error_model="numpy")
+def _cross_bent(lens: Lens, line: Line, at: float, share: float) -> Crossing:
+    """`cross` with a line that the lens bends, by Newton's steps along it."""
     dx, dy = line.x1 - line.x0, line.y1 - line.y0
     u, v, x, y = 0.0, 0.0, 0.0, 0.0
     for _ in range(8):
@@ -201,7 +208,7 @@ def _cross_bent(
     across: float = u
     if not line.rows:
         across = v
-    return share, across, x, y
+    return Crossing(share, across, x, y)
 
 
 @njit(cache=True, error_model="numpy")
@@ -230,6 +237,5 @@ def cross_jacobians(eye: Eye, line: Line, x: Array, y: Array, pose: Array, J: Ar
         q0, q1, q2 = turned_back(eye, x[k] * depth - p[0], y[k] * depth - p[1], depth - p[2])
         q0, q1, q2 = q0 - t0, q1 - t1, q2 - t2
         J[k, 0], J[k, 1], J[k, 2] = n0 * scale, n1 * scale, n2 * scale
-        J[k, 3] = (q1 * n2 - q2 * n1) * scale
-        J[k, 4] = (q2 * n0 - q0 * n2) * scale
-        J[k, 5] = (q0 * n1 - q1 * n0) * scale
+        m0, m1, m2 = cross_product(q0, q1, q2, n0, n1, n2)
+        J[k, 3], J[k, 4], J[k, 5] = m0 * scale, m1 * scale, m2 * scale

@@ -20,6 +20,7 @@ from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images, Match
 from mffdrake.recognition.parameters import Count, NonNegative, Share, parameters
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.poses.pose_motion import quaternion_rate_matrix
+from mffdrake.recognition.refinement.outcome import Outcome
 
 if TYPE_CHECKING:
     from mffdrake.recognition.fitness.structs import Scene
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_OUTCOMES = ("", "too few borders", "the borders leave a motion free", "not settled")
 _IMAGING_ERROR = 0.1  # [px] Borders no farther off are where renderers and lenses put them.
 
 
@@ -39,7 +39,7 @@ class RefinementParameters:
     Attributes:
         window: How far from the projected edges borders are sought at first [px].
         fine_window: How far once the pose is nearly right [px].
-        coarse_spacing: Until then only every so-manieth row or column is looked at.
+        coarse_spacing: Until then only every n-th row or column is looked at.
         blend: On both sides of a border, pixels that may be a blend of the two colors; beyond
             them lie two pixels that show the colors themselves.
         end_margin: Borders nearer than this to the end of an edge are left out [px]: at a corner a
@@ -55,8 +55,8 @@ class RefinementParameters:
         edge_error: Standard deviation of the error that all borders of an edge in an image share
             [px]: where a renderer or a lens puts an edge. (On the flat renderer and on VTK it was
             measured to be no more than what rounding explains.)
-        min_trusted: Least mean robust weight of the borders (0 to 1).
-        max_residual: Greatest root-mean-square distance of the trusted borders from the edges, as a
+        min_trusted: Least ratio of inliers: the borders' mean robust weight (0 to 1).
+        max_residual: Greatest root-mean-square distance of the inliers from the edges, as a
             multiple of what is expected of the images (`Refinement.expected_residual`). It is
             greater where cameras do not stand or bend as the rig says, and at wrong poses.
         min_fitness: Least fitness of a refined pose (0 to 1).
@@ -115,35 +115,43 @@ class Refinement:
 
     Attributes:
         pose: The refined pose vector, shape (6,); the given one where refinement failed.
-        converged: Whether it is refined.
-        reason: Why not, in words; empty where it is.
+        outcome: Whether it is refined, or why not.
         covariance: Covariance of the error of ``pose``, shape (6, 6); NaN where it is not refined.
         fitness: Fitness of ``pose``; NaN where there was no need to know it.
         num_borders: Number of borders that were found.
         explained: Share of the places where a border was sought that show one.
         num_jumps: Number of places where a border jumps to the next pixel.
-        trusted: Mean robust weight of the borders, 0 to 1.
-        residual: Root of the mean squared distance of the trusted borders from the edges [px].
+        inlier_ratio: Mean robust weight of the borders, 0 to 1.
+        residual: Root of the mean squared distance of the inliers from the edges [px].
         expected_residual: What rounding, blending and the cameras' calibration explain of it [px].
-        hardness: From 0 for an image whose borders blend as the covered areas do, to 1 where
-            every pixel shows one color.
+        aliasing: From 0 for an anti-aliased image, whose borders blend as the covered areas do, to
+            1 where every pixel shows one color.
         disagreement: How far one camera's borders alone would move the pose [m], beyond what
             chance explains.
     """
 
     pose: Array
-    converged: bool = False
-    reason: str = "off"
+    outcome: Outcome = Outcome.OFF
     covariance: Array = field(default_factory=lambda: np.full((6, 6), math.nan))
     fitness: float = math.nan
     num_borders: int = 0
     explained: float = 0.0
     num_jumps: int = 0
-    trusted: float = 0.0
+    inlier_ratio: float = 0.0
     residual: float = math.nan
     expected_residual: float = math.nan
-    hardness: float = math.nan
+    aliasing: float = math.nan
     disagreement: float = 0.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether ``pose`` is refined."""
+        return self.outcome == Outcome.CONVERGED
+
+    @property
+    def reason(self) -> str:
+        """Why ``pose`` is not refined, in words; empty where it is."""
+        return self.outcome.message
 
 
 class Refiner(Protocol):
@@ -186,12 +194,12 @@ class BorderRefiner:
     from -1/2 to 1/2 px off. Borders with the wrong hue on the inside, with a third color, or with
     little contrast do not count; wrong ones that remain are taken out by Tukey's weights.
 
-    *Rounding.* The mean of the covered shares tells how hard an image is: pixels of one color
-    only (1), or blended by area (0). In a hard image, neighbors along an edge that is nearly a row
-    or column share their error, so that they count as one. But where their pixel changes, the edge
-    passes through that pixel's center, which a slope m locates to m/sqrt(12) px: those jumps
-    carry most of what such an image tells. From a hardness of 0.7 on, the steps end in the middle
-    of all poses that round to the same borders (`_centering`), where there are such poses: a row
+    *Aliasing.* The mean of the covered shares tells how aliased an image is: pixels of one color
+    only (1), or blended by area (0). In an aliased image, neighbors along an edge that is nearly a
+    row or column share their error, so that they count as one. But where their pixel changes, the
+    edge passes through that pixel's center, which a slope m locates to m/sqrt(12) px: those jumps
+    carry most of what such an image tells. From an aliasing of 0.7 on, the steps end in the middle
+    of all poses that round to the same borders (`centering`), where there are such poses: a row
     tells only between which two pixel centers the edge passes, and where edges run along the
     pixels' rows and few rows differ, least squares need not end there.
 
@@ -201,7 +209,7 @@ class BorderRefiner:
     weighted with the inverse of a covariance in which the borders of an edge share an error.
 
     *Covariance.* It is the inverse of that system's matrix, carried over to the pose vector by
-    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In a hard image's middle it is twice the
+    ``deps = 1/2 (eta I - S(eps)) dtheta``, Eq. (6). In an aliased image's middle it is twice the
     barrier's inverse curvature, by experiment. What calibrations may leave comes on top.
 
     Args:
@@ -280,46 +288,48 @@ class BorderRefiner:
         result = refining.refine(given, scene, self.rules, self.stages)
         expected = math.hypot(
             max(self.parameters.border_error, _IMAGING_ERROR),
-            math.sqrt(result.hardness / 12.0),
+            math.sqrt(result.aliasing / 12.0),
             self._calibration_error,
         )
         refined, C = result.pose, result.covariance
         found: dict[str, Any] = {
             "num_borders": result.num_borders,
             "explained": result.num_borders / max(1, result.sought),
-            "num_jumps": result.num_jumps, "trusted": result.trusted, "residual": result.scale,
-            "expected_residual": expected, "hardness": result.hardness,
+            "num_jumps": result.num_jumps, "inlier_ratio": result.inlier_ratio,
+            "residual": result.residual, "expected_residual": expected,
+            "aliasing": result.aliasing,
             "disagreement": result.disagreement,
         }  # fmt: skip
-        reason = _OUTCOMES[result.outcome] or self._doubt(given, result, expected)
-        fitness = math.nan
-        if not reason:
+        outcome, fitness = result.outcome, math.nan
+        if outcome == Outcome.CONVERGED:
+            outcome = self._judge(given, result, expected)
+        if outcome == Outcome.CONVERGED:
             both = np.stack([refined, given])
             fitness, before = self.matcher.score(both, scene).tolist()
             if fitness < before - self.parameters.fitness_tolerance:
-                reason = "less fit"
+                outcome = Outcome.LESS_FIT
             elif fitness < self.parameters.min_fitness:
-                reason = "not fit"
-        if reason:
-            return Refinement(given, False, reason, **found)
+                outcome = Outcome.UNFIT
+        if outcome != Outcome.CONVERGED:
+            return Refinement(given, outcome, **found)
         to_pose = np.eye(6)
         to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
-        return Refinement(refined, True, "", to_pose @ C @ to_pose.T, fitness, **found)
+        return Refinement(refined, outcome, to_pose @ C @ to_pose.T, fitness, **found)
 
-    def _doubt(self, given: Array, result: Result, expected: float) -> str:
-        """What speaks against a refined pose, in words; nothing if it is empty."""
+    def _judge(self, given: Array, result: Result, expected: float) -> Outcome:
+        """Whether a pose at which the steps ended is accepted, apart from its fitness."""
         p, variances = self.parameters, np.diag(result.covariance)
-        if result.trusted < p.min_trusted:
-            return "the borders contradict each other"
-        if result.scale > p.max_residual * expected:
-            return "the borders lie too far from the edges"
+        if result.inlier_ratio < p.min_trusted:
+            return Outcome.TOO_FEW_INLIERS
+        if result.residual > p.max_residual * expected:
+            return Outcome.LARGE_RESIDUAL
         if not (
             variances[:3].sum() <= p.max_position_std**2
             and variances[3:].sum() <= math.radians(p.max_rotation_std_deg) ** 2
         ):
-            return "too uncertain"
+            return Outcome.UNCERTAIN
         shift = np.linalg.norm(result.pose[:3] - given[:3])
         turn = float(rotation_angle(result.pose[3:], given[3:]))
         if not (shift <= p.max_shift and turn <= math.radians(p.max_turn_deg)):
-            return "too far from the given pose"
-        return ""
+            return Outcome.TOO_FAR
+        return Outcome.CONVERGED

@@ -1,7 +1,6 @@
 """Compiled Gauss-Newton steps on color borders (numba). Import only where it runs.
 
-`BorderRefiner` says what is estimated; here is how it is computed. Slots and lines are those of
-`_edge_lines`.
+`BorderRefiner` says what is estimated; here is how it is computed. Lines are those of `edge_lines`.
 """
 
 from __future__ import annotations
@@ -16,15 +15,6 @@ from numpy.typing import NDArray
 from mffdrake.recognition.fitness.structs import Scene
 from mffdrake.recognition.poses.cholesky import factor, invert, solve
 from mffdrake.recognition.poses.rotations import move
-from mffdrake.recognition.refinement.border_steps import (
-    SETTLED,
-    TOO_FEW,
-    UNSETTLED,
-    Equations,
-    Found,
-    Rest,
-    settle,
-)
 from mffdrake.recognition.refinement.borders import (
     BorderRules,
     Borders,
@@ -34,16 +24,23 @@ from mffdrake.recognition.refinement.borders import (
 )
 from mffdrake.recognition.refinement.centering import center
 from mffdrake.recognition.refinement.edge_lines import Lines, edge_lines
-from mffdrake.recognition.refinement.residuals import compare, hold_free
+from mffdrake.recognition.refinement.gauss_newton import (
+    Equations,
+    Measurements,
+    Stopping,
+    minimize,
+)
+from mffdrake.recognition.refinement.outcome import Outcome
+from mffdrake.recognition.refinement.residuals import fix_gauge, linearize
 
 Array = NDArray[np.float64]
 
 
-_LEAST_HARDNESS = 0.1
+_LEAST_ALIASING = 0.1
 _SMOOTHEST = 1.0 / 36.0  # the square of the rounding of six samples a pixel
 _NEAR = 0.3  # of a window, and
 _AGREED = 0.9  # of the weights: then borders are where they should be, and none is far off.
-_HARD = 0.7  # From this hardness on, the borders of an image are rounded to pixels.
+_ALIASED = 0.7  # From this aliasing on, the borders of an image are rounded to pixels.
 _SPREAD = 2.0  # Covariance between the walls, in units of the inverse curvature: by experiment
 
 
@@ -51,32 +48,40 @@ class Result(NamedTuple):
     """How a refinement ended.
 
     Attributes:
-        outcome: `SETTLED`, or why not.
+        outcome: Whether it converged, or why not.
         pose: The pose vector, shape (6,).
         covariance: Of translation and rotation vector, both in the rig's frame, shape (6, 6).
         num_borders: Number of borders.
         num_jumps: Number of jumps.
         sought: Number of places where a border was sought.
-        trusted: Mean robust weight of the borders.
-        scale: Root of the mean squared distance of the trusted borders [px].
-        hardness: Of the images.
+        inlier_ratio: Mean robust weight of the borders, 0 to 1.
+        residual: Root of the mean squared distance of the inliers [px].
+        aliasing: Of the images, see `Refinement`.
         disagreement: See `_disagreement` [m].
     """
 
-    outcome: int
+    outcome: Outcome
     pose: Array
     covariance: Array
     num_borders: int
     num_jumps: int
     sought: int
-    trusted: float
-    scale: float
-    hardness: float
+    inlier_ratio: float
+    residual: float
+    aliasing: float
     disagreement: float
 
 
+class CalibrationSums(NamedTuple):
+    """Of each line the sums of w J, w a (by u and by v) and w, see `_calibration_covariance`."""
+
+    wJ: Array
+    wa: Array
+    w: Array
+
+
 @njit(cache=True, error_model="numpy")
-def _calibration_errs(scene: Scene) -> bool:
+def _has_calibration_error(scene: Scene) -> bool:
     """Whether a camera's calibration is known to leave an error."""
     largest = 0.0
     for view in scene.views:
@@ -86,37 +91,38 @@ def _calibration_errs(scene: Scene) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _calibration_covariance(
-    pose: Array, lines: Lines, found: Found, scene: Scene, L: Array, edge_error: float
+    pose: Array, lines: Lines, found: Measurements, scene: Scene, L: Array, edge_error: float
 ) -> Array:
     """What errors of the cameras' calibration add to the covariance, shape (6, 6).
 
     If all that a camera shows is off by (du, dv), the borders of a line with the slope m are off by
     ``a = du - m dv`` on rows; the least-squares pose then moves by ``N^-1 sum(w J a)``, less what
-    the borders of an edge are trusted less for the error that they share.
+    the borders of an edge are weighted less for the error that they share.
     """
     added = np.zeros((6, 6))
-    shared = np.zeros((len(lines), 9))  # of each slot the sums of w J, w by_u, w by_v and w
+    count = len(lines)
+    sums = CalibrationSums(np.zeros((count, 6)), np.zeros((count, 2)), np.zeros(count))
     moved = np.zeros((len(scene.views), 2, 6))
     for marks in (found.borders, found.jumps):
         residuals, J = np.empty(len(marks)), np.empty((len(marks), 6))
-        compare(pose, lines, marks, scene, residuals, J)
+        linearize(pose, lines, marks, scene, residuals, J)
         for k in range(len(marks)):
             mark = marks[k]
-            line = lines[mark.slot]
+            line = lines[mark.line]
             v = line.camera
-            by_u, by_v = (1.0, -line.slope) if line.rows else (-line.slope, 1.0)
+            by = (1.0, -line.slope) if line.rows else (-line.slope, 1.0)
             for i in range(6):
-                moved[v, 0, i] += mark.weight * J[k, i] * by_u
-                moved[v, 1, i] += mark.weight * J[k, i] * by_v
-                shared[mark.slot, i] += mark.weight * J[k, i]
-            shared[mark.slot, 6] += mark.weight * by_u
-            shared[mark.slot, 7] += mark.weight * by_v
-            shared[mark.slot, 8] += mark.weight
-    for slot in range(len(lines)):  # as in `normal_equations`
-        c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 8])
-        for i in range(6):
-            moved[lines[slot].camera, 0, i] -= c * shared[slot, i] * shared[slot, 6]
-            moved[lines[slot].camera, 1, i] -= c * shared[slot, i] * shared[slot, 7]
+                sums.wJ[mark.line, i] += mark.weight * J[k, i]
+            for axis in range(2):
+                for i in range(6):
+                    moved[v, axis, i] += mark.weight * J[k, i] * by[axis]
+                sums.wa[mark.line, axis] += mark.weight * by[axis]
+            sums.w[mark.line] += mark.weight
+    for n in range(count):  # as in `normal_equations`
+        c = edge_error**2 / (1.0 + edge_error**2 * sums.w[n])
+        for axis in range(2):
+            for i in range(6):
+                moved[lines[n].camera, axis, i] -= c * sums.wJ[n, i] * sums.wa[n, axis]
     for v in range(len(scene.views)):
         for axis in range(2):
             step = scene.views[v].eye.calibration_error * solve(L, moved[v, axis])
@@ -136,17 +142,17 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
     if num_views == 1:
         return largest
     residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
-    compare(pose, lines, borders, scene, residuals, J)
+    linearize(pose, lines, borders, scene, residuals, J)
     L = np.zeros((6, 6))
     for view in range(num_views):
         N, b = np.zeros((6, 6)), np.zeros(6)
         for k in range(len(borders)):
-            if lines[borders[k].slot].camera == view:
+            if lines[borders[k].line].camera == view:
                 for i in range(6):
                     for j in range(i + 1):
                         N[i, j] += borders[k].weight * J[k, i] * J[k, j]
                     b[i] += borders[k].weight * J[k, i] * residuals[k]
-        hold_free(N, pose, scene.solid)
+        fix_gauge(N, pose, scene.solid)
         if not factor(N, L):
             continue
         step, C = solve(L, b), invert(L)
@@ -158,17 +164,17 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
 @njit(cache=True, error_model="numpy")
 def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]) -> Result:
     """Refines a pose, see `BorderRefiner.refine`."""
-    result = Result(UNSETTLED, start, np.zeros((6, 6)), 0, 0, 0, 0.0, np.nan, np.nan, 0.0)
+    result = _without_fit(Outcome.NOT_CONVERGED, start, 0, 0)
     for index in range(len(stages)):
         stage, final = stages[index], index == len(stages) - 1
         # A narrower window would find the same borders again.
-        near = result.scale < _NEAR * stage.window and result.trusted > _AGREED
+        near = result.residual < _NEAR * stage.window and result.inlier_ratio > _AGREED
         if near and not final:
             continue
         result = _refine_once(result.pose, scene, rules, stage, final)
-        if result.outcome != SETTLED:
+        if result.outcome != Outcome.CONVERGED:
             break
-    return result
+    return result  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
@@ -184,7 +190,7 @@ def approach(
         arrived[n] = True
         for stage in stages:
             result = _refine_once(poses[n], scene, rules, stage, False)
-            if result.outcome != SETTLED:
+            if result.outcome != Outcome.CONVERGED:
                 arrived[n] = False
                 break
             poses[n] = result.pose
@@ -192,10 +198,16 @@ def approach(
 
 
 @njit(cache=True, error_model="numpy")
+def _without_fit(outcome: Outcome, pose: Array, num_borders: int, sought: int) -> Result:
+    """What is known of a pose before any step."""
+    return Result(outcome, pose, np.zeros((6, 6)), num_borders, 0, sought, 0.0, np.nan, np.nan, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
 def _refine_once(
     start: Array, scene: Scene, rules: BorderRules, stage: Stage, final: bool
 ) -> Result:
-    """Finds borders and steps; before the final stage it need not have settled."""
+    """Finds borders and steps; before the final stage it need not have converged."""
     pose, solid = start.copy(), scene.solid
     covariance, L = np.zeros((6, 6)), np.zeros((6, 6))
     equations = Equations(np.zeros((6, 6)), np.zeros(6))
@@ -204,37 +216,38 @@ def _refine_once(
     sought = sought_by_view.sum()
     count = len(borders)
     if count * stage.spacing < rules.min_borders:
-        return Result(TOO_FEW, pose, covariance, count, 0, sought, 0.0, np.nan, np.nan, 0.0)
-    # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in a hard
+        none = _without_fit(Outcome.TOO_FEW_BORDERS, pose, count, sought)
+        return none  # type: ignore[no-any-return]
+    # With b the covered share of the pixels that a border crosses, b (1 - b) is zero in an aliased
     # image and 1/6 on average where every share occurs; rounding to steps of q makes it
     # (1 - q^2) / 6, so this is q^2.
     blended = 0.0
     for k in range(count):
         blended += borders[k].blended
-    hardness = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * blended / count))
+    aliasing = min(1.0, max(_SMOOTHEST, 1.0 - 6.0 * blended / count))
     jumps = borders[:0]
-    if final and stage.spacing == 1 and hardness > _LEAST_HARDNESS:
+    if final and stage.spacing == 1 and aliasing > _LEAST_ALIASING:
         jumps = find_jumps(borders, lines)
-    found = Found(borders, jumps, stage.spacing, hardness)
-    hard = final and stage.spacing == 1 and hardness > _HARD  # Then `center` does the rest.
-    rest = Rest(stage.steps, final, hard)
-    settled = settle(pose, lines, found, scene, rules, equations, L, rest)
-    if settled.outcome == UNSETTLED and len(jumps) > 0:
+    found = Measurements(borders, jumps, stage.spacing, aliasing)
+    aliased = final and stage.spacing == 1 and aliasing > _ALIASED  # Then `center` does the rest.
+    stopping = Stopping(stage.steps, final, aliased)
+    fit = minimize(pose, lines, found, scene, rules, equations, L, stopping)
+    if fit.outcome == Outcome.NOT_CONVERGED and len(jumps) > 0:
         # In an image that blends them in part, not all that looks like jumps is one.
-        found = Found(borders, jumps[:0], stage.spacing, hardness)
-        settled = settle(pose, lines, found, scene, rules, equations, L, rest)
-    outcome, pose, trusted, scale = settled
-    apart = 0.0
-    if outcome == SETTLED and final:
-        apart = _disagreement(pose, lines, borders, scene)
+        found = Measurements(borders, jumps[:0], stage.spacing, aliasing)
+        fit = minimize(pose, lines, found, scene, rules, equations, L, stopping)
+    pose, disagreement = fit.pose, 0.0
+    if fit.outcome == Outcome.CONVERGED and final:
+        disagreement = _disagreement(pose, lines, borders, scene)
         covariance = invert(L)
-        if hard:
+        if aliased:
             centered, step, spread = center(pose, lines, borders, scene)
             if centered:
                 pose = move(pose, step)
                 covariance[:] = _SPREAD * spread
-        if _calibration_errs(scene):
+        if _has_calibration_error(scene):
             covariance += _calibration_covariance(pose, lines, found, scene, L, rules.edge_error)
     return Result(
-        outcome, pose, covariance, count, len(found.jumps), sought, trusted, scale, hardness, apart
-    )
+        fit.outcome, pose, covariance, count, len(found.jumps), sought,
+        fit.inlier_ratio, fit.residual, aliasing, disagreement,
+    )  # fmt: skip

@@ -40,9 +40,9 @@ class Evidence(NamedTuple):
         fitness: Its fitness (0 to 1).
         residual: How far borders lie from edges, in units of what is expected.
         disagreement: How far one camera's borders alone would move it [m].
-        trusted: Mean robust weight of the borders (0 to 1).
+        inlier_ratio: Mean robust weight of the borders (0 to 1).
         within: Probability that it is right by its covariance.
-        surprise: How far it is from where it was expected, see `PoseFilter`.
+        nis: How far it is from where it was expected, see `PoseFilter`.
     """
 
     explained: float
@@ -50,13 +50,13 @@ class Evidence(NamedTuple):
     fitness: float
     residual: float
     disagreement: float
-    trusted: float
+    inlier_ratio: float
     within: float
-    surprise: float
+    nis: float
 
     @classmethod
     def of(
-        cls, refined: Refinement, covariance: ArrayLike, explained: Explained, surprise: float
+        cls, refined: Refinement, covariance: ArrayLike, explained: Explained, nis: float
     ) -> Evidence:
         """The evidence for a refined pose.
 
@@ -64,7 +64,7 @@ class Evidence(NamedTuple):
             refined: Its refinement, which converged.
             covariance: Of its position [m] and rotation vector [rad], shape (6, 6).
             explained: Its borders that the images show.
-            surprise: See `PoseFilter`.
+            nis: See `PoseFilter`.
         """
         return cls(
             explained.share,
@@ -72,9 +72,9 @@ class Evidence(NamedTuple):
             refined.fitness,
             refined.residual / refined.expected_residual,
             refined.disagreement,
-            refined.trusted,
+            refined.inlier_ratio,
             probability_within(covariance),
-            surprise,
+            nis,
         )
 
 
@@ -85,8 +85,8 @@ def features(evidence: Evidence) -> Array:
         evidence: What is known of it.
 
     Example:
-        >>> clear = Evidence(explained=1.0, uneven=0.0, fitness=1.0, residual=1.0, trusted=1.0,
-        ...                  disagreement=0.0, within=1.0, surprise=0.0)
+        >>> clear = Evidence(explained=1.0, uneven=0.0, fitness=1.0, residual=1.0, inlier_ratio=1.0,
+        ...                  disagreement=0.0, within=1.0, nis=0.0)
         >>> features(clear)
         array([1., 0., 0., 0., 0., 0., 0., 0., 0.])
     """
@@ -96,8 +96,8 @@ def features(evidence: Evidence) -> Array:
     # What is hidden in part is unfit, too, but what of it shows lies where it should.
     unfit = 1.0 - e.fitness
     return np.array([
-        1.0, (1.0 - e.explained) * unfit, e.uneven, rough, unfit * rough, 1.0 - e.trusted,
-        math.log1p(e.surprise), 1.0 - e.within, math.log1p(1e3 * max(0.0, e.disagreement)),
+        1.0, (1.0 - e.explained) * unfit, e.uneven, rough, unfit * rough, 1.0 - e.inlier_ratio,
+        math.log1p(e.nis), 1.0 - e.within, math.log1p(1e3 * max(0.0, e.disagreement)),
     ])  # fmt: skip
 
 
@@ -110,8 +110,8 @@ def confidence(evidence: Evidence) -> float:
         evidence: What is known of the pose.
 
     Example:
-        >>> clear = Evidence(explained=0.98, uneven=0.02, fitness=1.0, residual=1.0, trusted=0.95,
-        ...                  disagreement=0.0, within=1.0, surprise=0.5)
+        >>> clear = Evidence(explained=0.98, uneven=0.02, fitness=1.0, residual=1.0, within=1.0,
+        ...                  inlier_ratio=0.95, disagreement=0.0, nis=0.5)
         >>> doubtful = clear._replace(explained=0.4, uneven=0.3, fitness=0.4, residual=3.0)
         >>> confidence(clear) > 0.99, confidence(doubtful) < 0.5
         (True, True)

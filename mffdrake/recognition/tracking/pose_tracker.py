@@ -38,12 +38,13 @@ class Estimate:
 
     Attributes:
         pose: Pose vector ``(r [m], eps)`` in the rig's frame C, shape (6,).
-        covariance: Covariance of its error, shape (6, 6); NaN where the pose is not refined.
+        covariance: Covariance of its error, shape (6, 6); NaN where that is not known.
         fitness: Its fitness, 0 to 1.
         frame: Number of the frame, from 0.
         state: Whether the pose may be relied on.
         confidence: Probability that it is right to 5 mm and 1 deg (0 to 1); NaN where not known.
         is_tracking: Whether it is right with enough confidence.
+        refined: Whether it is refined on this frame's images, see `Generation.refined`.
 
     Example:
         >>> estimate = Estimate(np.array([0.0, 0.1, 0.8, 0.6, 0.0, 0.0]), 0.9, 0)
@@ -58,12 +59,7 @@ class Estimate:
     state: TrackingState = TrackingState.SEARCHING
     confidence: float = math.nan
     is_tracking: bool = False
-
-    @property
-    def refined(self) -> bool:
-        """Whether the pose is refined on this frame's images."""
-        predicted = self.state == TrackingState.PREDICTED
-        return not predicted and bool(np.isfinite(self.covariance).all())
+    refined: bool = False
 
     @property
     def R_CM(self) -> Array:
@@ -82,12 +78,12 @@ class Estimate:
 
     @property
     def std_position(self) -> float:
-        """Standard deviation of the position [m], all axes together; NaN if not refined."""
+        """Standard deviation of the position [m], all axes together; NaN if not known."""
         return float(np.sqrt(np.trace(self.covariance[:3, :3])))
 
     @property
     def std_rotation(self) -> float:
-        """Standard deviation of the orientation [rad], all axes together; NaN if not refined."""
+        """Standard deviation of the orientation [rad], all axes together; NaN if not known."""
         # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6)
         back = np.linalg.pinv(quaternion_rate_matrix(self.pose[3:]))
         return float(np.sqrt(np.trace(back @ self.covariance[3:, 3:] @ back.T)))
@@ -191,7 +187,7 @@ class PoseTracker:
             self._check_channel_order(images, pose)
             algorithm = algorithm.with_start(NearStart(pose, spread))
         self._next_frame = 0
-        return self._took(algorithm.start_population(images, frame=0))
+        return self._advance(algorithm.start_population(images, frame=0))
 
     def search(
         self,
@@ -216,7 +212,7 @@ class PoseTracker:
         found = PoseSearch(self.ga).search(
             images, generations, frame=self._next_frame, on_generation=on_generation
         )
-        return self._took(found.generation), found
+        return self._advance(found.generation), found
 
     def track(self, images: Images, X_DC: ArrayLike | None = None) -> Estimate:
         """Takes the next frame; the first one as `start` does.
@@ -245,9 +241,9 @@ class PoseTracker:
                     f"{X.shape}"
                 )
             generation = generation.carried(X[:3, :3], X[:3, 3])
-        return self._took(self.algorithm.track(generation, images, frame=self._next_frame))
+        return self._advance(self.algorithm.track(generation, images, frame=self._next_frame))
 
-    def _took(self, generation: Generation) -> Estimate:
+    def _advance(self, generation: Generation) -> Estimate:
         self._generation = generation
         frame, self._next_frame = self._next_frame, self._next_frame + 1
         estimate = Estimate(
@@ -257,6 +253,7 @@ class PoseTracker:
             state=generation.state,
             confidence=generation.confidence,
             is_tracking=generation.is_tracking,
+            refined=generation.refined,
         )
         if generation.covariance is not None:
             estimate = dc.replace(estimate, covariance=generation.covariance)

@@ -26,7 +26,7 @@ from mffdrake.recognition.poses.pose_filter import (
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import BorderRefiner
 from mffdrake.recognition.tracking.confidence import Evidence, confidence, probability_within
-from mffdrake.recognition.tracking.sight import Seen, Sight
+from mffdrake.recognition.tracking.detection import Detection, Detector
 
 if TYPE_CHECKING:
     from mffdrake.recognition.fitness.structs import Scene
@@ -38,11 +38,13 @@ _LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
 _MOST_SPREAD = np.repeat([0.100, 0.30], 3)
 _SELDOM = 4  # Every so many frames it searches beside what it relies on.
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
-_STALE = (0.0003, np.radians(0.05))  # [m], [rad]: An image of now may be so far off, ...
-_STALEST = (0.003, np.radians(0.6))  # ... and this far where the target is restless.
+# What an image seen before may be off where the target should be by now: so much, ...
+_STALE_SHIFT, _STALE_TURN = 0.0003, np.radians(0.05)  # [m], [rad]
+# ... and more by the motion's covariance, but no more than this.
+_MOST_STALE_SHIFT, _MOST_STALE_TURN = 0.003, np.radians(0.6)
 _TURNING = 7.0  # standard deviations, of three axes together, of a change of velocity in a frame
-_UNEXPECTED = 25.0  # as the surprise of a `PoseFilter`
-_DOUBT = 0.5  # times its confidence is that of a pose where it was not expected.
+_GATE = 25.0  # the normalized innovation squared of an outlier, see `PoseFilter.nis`
+_OUTLIER_FACTOR = 0.5  # on the confidence in a pose that is an outlier of the motion
 
 PER_FRAME = PoseFilterParameters(
     acceleration=0.0001, angular_acceleration=0.0004, speed=0.010, angular_speed=0.10,
@@ -139,8 +141,8 @@ class RobustTracker:
             The population, with the target's pose first where it is found.
         """
         scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
-        first = self._stamped(self._plain.draw(scene, gains, rng), scene)[0]
-        return self._search(first, images, scene, frame, rng)
+        first = self._with_hashes(self._plain.draw(scene, gains, rng), scene)[0]
+        return self._search(first, scene, frame, rng)
 
     def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
         """Advances by one frame.
@@ -159,26 +161,27 @@ class RobustTracker:
         """
         self.ga.check_size(generation)
         scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
-        generation, is_stale = self._stamped(self._moved(generation), scene)
+        generation, is_stale = self._with_hashes(self._predict(generation), scene)
         if generation.motion is None or generation.state == TrackingState.LOST:
             generation = self.ga.breed(generation, scene, rng)
-            return self._search(generation, images, scene, frame, rng)
-        seen, bred = self._look(generation, scene, frame, rng)
+            return self._search(generation, scene, frame, rng)
+        seen, bred = self._detect(generation, scene, frame, rng)
         if seen is not None and not (is_stale and self._is_elsewhere(seen, generation)):
-            return self._took(bred, seen, images)
+            return self._accept(bred, seen, scene)
         if is_stale:
-            return self._unseen(generation)
-        return self._search(generation, images, scene, frame, rng)
+            return self._coast(generation)
+        return self._search(generation, scene, frame, rng)
 
-    def _stamped(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:
-        """With the images' stamps, and whether one was there at the last frame."""
-        from mffdrake.recognition.camera.lens import stamp  # numba: slow to import
+    def _with_hashes(self, generation: Generation, scene: Scene) -> tuple[Generation, bool]:
+        """With the images' hashes, and whether one of them was there at the last frame."""
+        from mffdrake.recognition.camera.lens import image_hash  # numba: slow to import
 
-        stamps = tuple(stamp(view) for view in scene.views)
-        is_stale = any(new == old for new, old in zip(stamps, generation.stamps, strict=False))
-        return dc.replace(generation, stamps=stamps), is_stale
+        hashes = tuple(image_hash(view) for view in scene.views)
+        both = zip(hashes, generation.image_hashes, strict=False)
+        is_stale = any(new == old for new, old in both)
+        return dc.replace(generation, image_hashes=hashes), is_stale
 
-    def _is_elsewhere(self, seen: Seen, generation: Generation) -> bool:
+    def _is_elsewhere(self, seen: Detection, generation: Generation) -> bool:
         """Whether a pose in an image seen before is not where the target should be by now.
 
         It should be where its motion has it; or where it was last seen, believed or not. A target
@@ -186,69 +189,64 @@ class RobustTracker:
         """
         assert generation.motion is not None
         motion, C = generation.motion, body_covariance(seen.pose, seen.refined.covariance)
-        apart = max(_STALE[0], 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
-        turned = max(_STALE[1], 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
-        apart += _TURNING * motion.unrest * self.motion.acceleration
-        turned += _TURNING * motion.unrest * self.motion.angular_acceleration
-        apart, turned = min(apart, _STALEST[0]), min(turned, _STALEST[1])
+        apart = max(_STALE_SHIFT, 4.0 * float(np.sqrt(np.trace(C[:3, :3]))))
+        turned = max(_STALE_TURN, 4.0 * float(np.sqrt(np.trace(C[3:, 3:]))))
+        apart += _TURNING * motion.noise_scale * self.motion.acceleration
+        turned += _TURNING * motion.noise_scale * self.motion.angular_acceleration
+        apart, turned = min(apart, _MOST_STALE_SHIFT), min(turned, _MOST_STALE_TURN)
         return all(
             np.linalg.norm(seen.pose[:3] - pose[:3]) > apart
             or rotation_angle(seen.pose[3:], pose[3:]) > turned
             for pose in (motion.pose, generation.best)
         )
 
-    def _moved(self, generation: Generation) -> Generation:
+    def _predict(self, generation: Generation) -> Generation:
         """All hypotheses, carried along with the target's own motion."""
         if generation.motion is None:
             return generation
-        return generation.drifted(generation.motion.predict(1.0, self.motion))
+        return generation.moved_with_target(generation.motion.predict(1.0, self.motion))
 
-    def _look(
+    def _detect(
         self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
-    ) -> tuple[Seen | None, Generation]:
+    ) -> tuple[Detection | None, Generation]:
         """What the images show near the predicted pose, and the population bred there."""
         p = self.parameters
         assert generation.motion is not None
         predicted = generation.motion.pose
         bred = self.ga.breed(generation, scene, rng, center=predicted)
-        seen = self.sight.near(bred.best, predicted, scene)
+        seen = self.detector.near(bred.best, predicted, scene)
         if seen is None:
             return None, bred
         tracked = generation.is_tracking
         doubtful = seen.explained.share < p.sure and not (tracked and frame % _SELDOM)
         if doubtful or generation.state == TrackingState.AMBIGUOUS:
-            other, _ = self.sight.anywhere(scene, bred.poses[:1], frame, rng)
-            if other is not None and not self.sight.is_one(other.pose, seen.pose):
+            other, _ = self.detector.anywhere(scene, bred.poses[:1], frame, rng)
+            if other is not None and not self.detector.is_same(other.pose, seen.pose):
                 better = other.explained.shown / max(1, seen.explained.shown) - 1.0
                 if better > p.margin * (_INSIST if tracked else 1.0):
                     seen = other
                 elif better > -p.margin and not tracked:  # which it was where others had less
                     seen = seen._replace(ambiguous=True)
             elif not tracked:
-                seen = self.sight.resolve(seen, scene)
+                seen = self.detector.resolve(seen, scene)
         return seen, bred
 
     def _search(
-        self,
-        generation: Generation,
-        images: Images,
-        scene: Scene,
-        frame: int,
-        rng: np.random.Generator,
+        self, generation: Generation, scene: Scene, frame: int, rng: np.random.Generator
     ) -> Generation:
         """Takes a frame on which the pose is not known, or only by prediction."""
         known = generation.poses[:1]
         if generation.motion is not None:
             known = np.concatenate([known, self._draw_near(generation.motion, rng)])
-        seen, candidates = self.sight.anywhere(scene, known, frame, rng)
+        seen, candidates = self.detector.anywhere(scene, known, frame, rng)
         if seen is not None:
-            return self._took(dc.replace(generation, motion=None), seen, images)
-        unseen = self._unseen(generation)
+            return self._accept(dc.replace(generation, motion=None), seen, scene)
+        unseen = self._coast(generation)
         if unseen.state == TrackingState.PREDICTED or not candidates:
             return unseen
         return self.ga.join(unseen, np.stack([one.pose for one in candidates]), scene)
 
-    def _unseen(self, generation: Generation) -> Generation:
+    def _coast(self, generation: Generation) -> Generation:
         """A frame whose images say nothing: for a while, the pose is where it should be by now."""
         motion, lost_for = generation.motion, generation.unseen - self.parameters.patience
         if motion is None or lost_for >= 0:
@@ -280,7 +278,7 @@ class RobustTracker:
         near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
         return np.asarray(near)
 
-    def _took(self, generation: Generation, seen: Seen, images: Images) -> Generation:
+    def _accept(self, generation: Generation, seen: Detection, scene: Scene) -> Generation:
         """A frame whose images show the pose."""
         p, pose, C = self.parameters, seen.pose, seen.refined.covariance
         motion, unseen = generation.motion, 0
@@ -289,21 +287,23 @@ class RobustTracker:
         else:
             pose, C = self._nearest(pose, C, motion.pose)
             updated = motion.update(pose, C)
-            if updated.surprise <= _UNEXPECTED:
+            if updated.nis <= _GATE:
                 motion = updated
             elif generation.unseen == 0:  # It may be an image of another time.
-                motion, unseen = motion.surprised(pose, C), 1
+                motion, unseen = motion.reject(pose, C), 1
             else:
-                motion = dc.replace(PoseFilter.of(pose, C, self.motion), unrest=motion.unrest)
+                motion = dc.replace(
+                    PoseFilter.of(pose, C, self.motion), noise_scale=motion.noise_scale
+                )
         certain = 0.0
         if not seen.ambiguous:
             covariance = body_covariance(pose, C)
-            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.surprise)
-            certain = confidence(evidence) * (_DOUBT if unseen else 1.0)
+            evidence = Evidence.of(seen.refined, covariance, seen.explained, motion.nis)
+            certain = confidence(evidence) * (_OUTLIER_FACTOR if unseen else 1.0)
         is_tracking = certain >= (p.keep if generation.is_tracking else p.believe)
         gains = generation.gains
         if is_tracking:
-            gains = self.ga.white_balance.adapt(gains, pose, images, self.matcher)
+            gains = self.ga.white_balance.adapt(gains, pose, scene, self.matcher)
         return dc.replace(
             generation,
             poses=np.concatenate([pose[None], generation.poses[:-1]]),
@@ -319,7 +319,7 @@ class RobustTracker:
 
     def _nearest(self, pose: Array, C: Array, expected: Array) -> tuple[Array, Array]:
         """Of all poses that look like one, the one nearest to an expected one; its covariance."""
-        nearest = self.sight.symmetries.nearest(pose, expected)
+        nearest = self.detector.symmetries.nearest(pose, expected)
         if np.array_equal(nearest, pose):
             return pose, C
         turn = transform_from_pose(nearest)[0].T @ transform_from_pose(pose)[0]
@@ -332,7 +332,7 @@ class RobustTracker:
         return dc.replace(self.ga, parameters=dc.replace(self.ga.parameters, first_candidates=1))
 
     @cached_property
-    def sight(self) -> Sight:
+    def detector(self) -> Detector:
         """What it looks for the target with, in one frame's images."""
         assert isinstance(self.ga.refiner, BorderRefiner)  # as was checked
-        return Sight(self.ga.refiner, self.ga.coding.search_range, self.parameters)
+        return Detector(self.ga.refiner, self.ga.coding.search_range, self.parameters)

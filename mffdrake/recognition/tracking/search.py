@@ -6,7 +6,7 @@ import dataclasses as dc
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Ge
@@ -16,10 +16,13 @@ from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images
 from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.starts import ColoredStart
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
-from mffdrake.recognition.parameters import Count, NonNegative, parameters
+from mffdrake.recognition.parameters import Count, NonNegative, check, parameters
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.refinement.refinement import NoRefinement
 from mffdrake.recognition.solid.symmetry import find_turns, turn_about_middle
+
+if TYPE_CHECKING:
+    from mffdrake.recognition.fitness.structs import Scene
 
 Array = NDArray[np.float64]
 
@@ -36,7 +39,7 @@ class SearchParameters:
     Attributes:
         patience: A round ends after so many generations without ...
         progress: ... an increase of the fitness by this.
-        turn_every: In every so-manieth generation the best pose is also tried turned, see
+        turn_every: In every n-th generation the best pose is also tried turned, see
             `find_turns`.
         polish: In the end the fittest pose's population is bred for so many generations without
             newcomers; at most a fifth of all generations.
@@ -130,8 +133,8 @@ class PoseSearch:
         Raises:
             ValueError: When ``generations`` is below 1, or an image does not fit its camera.
         """
-        if generations < 1:
-            raise ValueError(f"generations must be at least 1, not {generations}")
+        check(Count, generations, "generations")
+        scene = self.tracker.matcher.scene(images, gains)
         p, count = self.parameters, 0
         polish = min(p.polish, generations // 5)
         ends: list[Generation] = []
@@ -147,13 +150,11 @@ class PoseSearch:
             return population
 
         while count < generations - polish:
-            population = step(
-                lambda number: self._breeder.start_population(images, frame=number, gains=gains)
-            )
+            population = step(lambda number: self._breeder.start_on(scene, gains, number))
             best, still = float(population.fitness[0]), 0
             while count < generations - polish and still < p.patience:
                 population = step(
-                    lambda number, last=population: self._breed(last, images, number)  # type: ignore[misc]
+                    lambda number, last=population: self._breed(last, scene, number)  # type: ignore[misc]
                 )
                 fitness = float(population.fitness[0])
                 still = 0 if fitness > best + p.progress else still + 1
@@ -165,20 +166,28 @@ class PoseSearch:
         converged = len(agreeing) >= p.agreement
         for _ in range(polish):
             agreeing[0] = step(
-                lambda number: self._polisher.track(agreeing[0], images, frame=number)
+                lambda number: self._polisher.track_on(
+                    agreeing[0], self._balanced(scene, agreeing[0]), number
+                )
             )
         # Where the fittest cannot be refined, one that agrees with it may be.
-        refined = [self.tracker.refine(end, images) for end in agreeing]
-        sure = [end for end in refined if end.covariance is not None]
-        return Found((sure or refined)[0], count, len(ends), converged)
+        refined = [self.tracker.refine(end, self._balanced(scene, end)) for end in agreeing]
+        first = next((end for end in refined if end.refined), refined[0])
+        return Found(first, count, len(ends), converged)
 
-    def _breed(self, population: Generation, images: Images, number: int) -> Generation:
+    def _balanced(self, scene: Scene, population: Generation) -> Scene:
+        """The images with a population's white balance."""
+        return self.tracker.matcher.balanced(scene, population.gains)
+
+    def _breed(self, population: Generation, scene: Scene, number: int) -> Generation:
         """The next generation; now and then the best pose is tried turned, too."""
         proposals = None
         if (number >> 32) % self.parameters.turn_every == 0:
             solid = self.tracker.matcher.solid
             proposals = turn_about_middle(population.best, solid, self.turns)
-        return self._breeder.track(population, images, frame=number, proposals=proposals)
+        return self._breeder.track_on(
+            population, self._balanced(scene, population), number, proposals
+        )
 
     @cached_property
     def turns(self) -> Array:

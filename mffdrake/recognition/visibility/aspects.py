@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from mffdrake.recognition.solid.kept import kept
+from mffdrake.recognition.solid.disk_cache import cached
 from mffdrake.recognition.solid.solid_model import SolidModel
 from mffdrake.recognition.visibility.search_model import SearchModel
 
@@ -101,7 +101,7 @@ def find_outlines(solid: SolidModel, alike: Flags) -> Outlines:
     lengths = solid.edge_lengths
     per_length = min(_PIECES / solid.size, _MOST_PIECES / lengths.sum())
     counts = np.maximum(1, np.ceil(lengths * per_length)).astype(np.int64)
-    return kept(_draw_outlines, solid, alike, counts, key=[solid.fingerprint, alike, counts])
+    return cached(_draw_outlines, solid, alike, counts, key=[solid.fingerprint, alike, counts])
 
 
 def _draw_outlines(solid: SolidModel, alike: Flags, counts: IntArray) -> Outlines:
@@ -176,7 +176,7 @@ def find_visibility(model: SearchModel, alike: Flags) -> Visibility:
             every, all_rows,
         )  # fmt: skip
     points = [model.inside_points, model.edge_points, model.strip_offsets]
-    return kept(_draw_visibility, model, alike, key=[solid.fingerprint, alike, *points])
+    return cached(_draw_visibility, model, alike, key=[solid.fingerprint, alike, *points])
 
 
 def _draw_visibility(model: SearchModel, alike: Flags) -> Visibility:

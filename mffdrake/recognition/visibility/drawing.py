@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition.poses.rotations import rotated
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 States = NDArray[np.uint32]
@@ -111,6 +113,19 @@ def corner_direction(i: int, j: int, grid: int) -> Array:
     return direction / math.sqrt(x * x + y * y + z * z)
 
 
+@njit(cache=True, error_model="numpy")
+def facing(normals: Array, centers: Array, face: int, eye: Array) -> tuple[float, float]:
+    """How a face looks at a camera: its normal times the way to the camera, and that way squared.
+
+    The first is positive where it looks toward the camera.
+    """
+    dx = eye[0] - centers[face, 0]
+    dy = eye[1] - centers[face, 1]
+    dz = eye[2] - centers[face, 2]
+    toward = normals[face, 0] * dx + normals[face, 1] * dy + normals[face, 2] * dz
+    return toward, dx * dx + dy * dy + dz * dz
+
+
 class Canvas(NamedTuple):
     """What is drawn: inverse depth [1/m] and face of each pixel, -1 for none, shape (n, n)."""
 
@@ -153,10 +168,7 @@ def project(camera: Camera, point: Array, half: float) -> tuple[float, float, fl
     dx, dy, dz = (
         point[0] - camera.place[0], point[1] - camera.place[1], point[2] - camera.place[2]
     )  # fmt: skip
-    A = camera.axes
-    x = A[0, 0] * dx + A[0, 1] * dy + A[0, 2] * dz
-    y = A[1, 0] * dx + A[1, 1] * dy + A[1, 2] * dz
-    z = A[2, 0] * dx + A[2, 1] * dy + A[2, 2] * dz
+    x, y, z = rotated(camera.axes, dx, dy, dz)
     return camera.focal * x / z + half - 0.5, camera.focal * y / z + half - 0.5, z
 
 
@@ -255,7 +267,7 @@ class Survey(NamedTuple):
 @njit(cache=True, error_model="numpy", nogil=True)
 def survey_row(grid: int, row: int, drawn: Drawn, marks: Marks, survey: Survey) -> None:
     """Finds out what is seen from a row of the aspects' corners."""
-    hidden, states, facing = survey
+    hidden, states, looks = survey
     canvas = Canvas(
         np.empty((_RESOLUTION, _RESOLUTION)),
         np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
@@ -267,16 +279,13 @@ def survey_row(grid: int, row: int, drawn: Drawn, marks: Marks, survey: Survey) 
         draw(camera, drawn, canvas)
         eye = camera.place
         for f in range(len(drawn.normals)):
-            toward = 0.0
-            for axis in range(3):
-                toward += drawn.normals[f, axis] * (eye[axis] - drawn.centers[f, axis])
-            facing[k, f] = toward > 0.0
+            looks[k, f] = facing(drawn.normals, drawn.centers, f, eye)[0] > 0.0
         for p in range(len(marks.inside)):
             face = marks.inside_faces[p]
-            if facing[k, face]:
+            if looks[k, face]:
                 hidden[k, p] = not is_seen(camera, canvas, drawn, marks.inside[p], face)
         for q in range(len(marks.edges)):
-            states[k, q] = _edge_state(camera, canvas, drawn, marks, q, facing[k])
+            states[k, q] = _edge_state(camera, canvas, drawn, marks, q, looks[k])
 
 
 @njit(cache=True, error_model="numpy")
@@ -286,13 +295,13 @@ def _edge_state(
     drawn: Drawn,
     marks: Marks,
     q: int,
-    facing: NDArray[np.bool_],
+    looks: NDArray[np.bool_],
 ) -> int:
     """The state of a point on an edge."""
     first, second = marks.edge_faces[q]
-    if not (facing[first] or facing[second]):
+    if not (looks[first] or looks[second]):
         return 0
-    crease = facing[first] and facing[second]
+    crease = looks[first] and looks[second]
     point, eye = marks.edges[q], camera.place
     if crease and marks.alike[marks.kinds[first], marks.kinds[second]]:
         toward, apart = 0.0, 0.0
@@ -306,7 +315,7 @@ def _edge_state(
     inside = first
     if not crease:
         state = CONTOUR
-        inside = first if facing[first] else second
+        inside = first if looks[first] else second
     else:
         best = -1.0
         for face in (first, second):

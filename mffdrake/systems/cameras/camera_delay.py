@@ -11,7 +11,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import AffineSystem, DiscreteTimeDelay
 
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
 __all__ = ["AddDelay", "GeometryPoser"]
@@ -123,7 +123,7 @@ class GeometryPoser(LeafSystem):
         self.DeclareAbstractOutputPort(
             "geometry_pose",
             lambda: AbstractValue.Make(FramePoseVector()),
-            Weakly(self._CalcGeometryPose),
+            WeakCallback(self._CalcGeometryPose),
         )
 
     def _CalcGeometryPose(self, context: Context, output: AbstractValue) -> None:

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import Camera, Distortion
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 
 __all__ = ["LensDistortion", "MakeCoveringPinhole", "NeedsLens"]
 
@@ -158,7 +158,7 @@ class LensDistortion(LeafSystem):
         self.DeclareAbstractOutputPort(
             "distorted_image",
             lambda: AbstractValue.Make(ImageRgba8U(camera.width, camera.height)),
-            Weakly(self._CalcDistortedImage),
+            WeakCallback(self._CalcDistortedImage),
         )
 
     def _CalcDistortedImage(self, context: Context, output: AbstractValue) -> None:

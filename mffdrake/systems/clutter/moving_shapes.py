@@ -21,7 +21,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 
 __all__ = ["AddMovingShapes", "Color", "MovingShape", "MovingShapes"]
 
@@ -80,7 +80,7 @@ class MovingShapes(LeafSystem):
         self.DeclareAbstractOutputPort(
             "geometry_pose",
             lambda: AbstractValue.Make(FramePoseVector()),
-            Weakly(self._CalcGeometryPose),
+            WeakCallback(self._CalcGeometryPose),
             {self.nothing_ticket() if still else self.time_ticket()},
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
 __all__ = ["JointEncoders"]
@@ -86,7 +86,7 @@ class JointEncoders(LeafSystem):
         self._offset, self._resolution = offsets, resolution
         self._state = self.DeclareVectorInputPort("state", 2 * num_joints)
         self.DeclareVectorOutputPort(
-            "estimated_state", 2 * num_joints, Weakly(self._CalcEstimatedState)
+            "estimated_state", 2 * num_joints, WeakCallback(self._CalcEstimatedState)
         )
 
     def _CalcEstimatedState(self, context: Context, output: BasicVector) -> None:

@@ -19,7 +19,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from mffdrake.recognition.parameters import NonNegative, Positive, parameters
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
 __all__ = ["ServoParameters", "VisualServoController"]
@@ -169,7 +169,7 @@ class VisualServoController(LeafSystem):
             ("desired_acceleration", n, self._CalcDesiredAcceleration),
             ("is_stuck", 1, self._CalcIsStuck),
         ):
-            self.DeclareVectorOutputPort(name, size, Weakly(calc), from_reference)
+            self.DeclareVectorOutputPort(name, size, WeakCallback(calc), from_reference)
         self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._Update)
         self.DeclareForcedDiscreteUpdateEvent(self._Update)
 

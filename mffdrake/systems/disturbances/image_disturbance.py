@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition.parameters import kind_of, parameters
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
 
@@ -140,7 +140,7 @@ class PixelFilter(LeafSystem):
         self.DeclareAbstractOutputPort(
             "disturbed_image",
             lambda: AbstractValue.Make(ImageRgba8U()),
-            Weakly(self._CalcDisturbedImage),
+            WeakCallback(self._CalcDisturbedImage),
         )
 
     def _CalcDisturbedImage(self, context: Context, output: AbstractValue) -> None:

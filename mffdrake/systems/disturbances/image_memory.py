@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition.parameters import parameters
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.disturbances.image_disturbance import Image, ImageDisturbance, WriteImage
 from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
@@ -118,7 +118,7 @@ class ImageMemory(LeafSystem):
         self.DeclareAbstractOutputPort(
             "disturbed_image",
             lambda: AbstractValue.Make(ImageRgba8U()),
-            Weakly(self._CalcDisturbedImage),
+            WeakCallback(self._CalcDisturbedImage),
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(timing.control_period, 0.0, self._Remember)
 

@@ -10,7 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 
 __all__ = ["PrescribedTarget"]
 
@@ -52,11 +52,13 @@ class PrescribedTarget(LeafSystem):
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcPose),
+            WeakCallback(self._CalcPose),
             from_time,
         )
-        self.DeclareVectorOutputPort("target_velocity", 6, Weakly(self._CalcVelocity), from_time)
-        self.DeclareVectorOutputPort("is_known", 1, Weakly(self._CalcIsKnown), from_time)
+        self.DeclareVectorOutputPort(
+            "target_velocity", 6, WeakCallback(self._CalcVelocity), from_time
+        )
+        self.DeclareVectorOutputPort("is_known", 1, WeakCallback(self._CalcIsKnown), from_time)
 
     def _CalcPose(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._pose(context.get_time()))

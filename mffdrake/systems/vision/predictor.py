@@ -21,7 +21,7 @@ from mffdrake.recognition.poses.pose_motion import (
     target_motion_jacobian,
     transport_pose,
 )
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 from mffdrake.systems.vision.exposures import Exposures
 
@@ -149,7 +149,7 @@ class MffPredictor(LeafSystem):
         )
 
         self.DeclareVectorOutputPort(
-            "predicted_population", 6 * num_hypotheses, Weakly(self._CalcPredictedPopulation)
+            "predicted_population", 6 * num_hypotheses, WeakCallback(self._CalcPredictedPopulation)
         )
         from_samples = {
             self.time_ticket(),
@@ -159,16 +159,16 @@ class MffPredictor(LeafSystem):
         self.DeclareAbstractOutputPort(
             "camera_displacement",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcCameraDisplacement),
+            WeakCallback(self._CalcCameraDisplacement),
             from_samples,
         )
         self.DeclareAbstractOutputPort(
             "X_WC",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcCameraPose),
+            WeakCallback(self._CalcCameraPose),
             from_samples,
         )
-        self.DeclareVectorOutputPort("pose_rate", 6, Weakly(self._CalcPoseRate))
+        self.DeclareVectorOutputPort("pose_rate", 6, WeakCallback(self._CalcPoseRate))
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._SampleOnExposure

@@ -16,8 +16,9 @@ from mffdrake.recognition import Generation, OneStepGaTracker, Tracker, Tracking
 from mffdrake.recognition.fitness.matching import NO_GAINS
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_filter import NUM_NUMBERS, PoseFilter
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision import covariance_port
 from mffdrake.systems.vision.tracker_checks import CheckGeneration, CheckTracker
 
 __all__ = ["OneStepGaRecognizer", "PoseRecognizer"]
@@ -130,33 +131,37 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
         self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0, 0.0])
-        self._stamps = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
+        self._image_hashes = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
         self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
         self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
         from_poses = {self.discrete_state_ticket(self._poses)}
         from_fitness = {self.discrete_state_ticket(self._fitness)}
-        self.DeclareVectorOutputPort("pose", 6, Weakly(self._CalcPose), from_poses)
+        self.DeclareVectorOutputPort("pose", 6, WeakCallback(self._CalcPose), from_poses)
         self.DeclareAbstractOutputPort(
             "X_CM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcTransform),
+            WeakCallback(self._CalcTransform),
             from_poses,
         )
-        self.DeclareVectorOutputPort("fitness", 1, Weakly(self._CalcFitness), from_fitness)
+        self.DeclareVectorOutputPort("fitness", 1, WeakCallback(self._CalcFitness), from_fitness)
         self.DeclareStateOutputPort("population", self._poses)
         self.DeclareStateOutputPort("population_fitness", self._fitness)
         self.DeclareStateOutputPort("frame_time", self._frame_time)
         self.DeclareStateOutputPort("pose_covariance", self._covariance)
         from_verdict = {self.discrete_state_ticket(self._verdict)}
-        self.DeclareVectorOutputPort("state", 1, Weakly(self._CalcState), from_verdict)
-        self.DeclareVectorOutputPort("confidence", 1, Weakly(self._CalcConfidence), from_verdict)
-        self.DeclareVectorOutputPort("is_tracking", 1, Weakly(self._CalcIsTracking), from_verdict)
+        self.DeclareVectorOutputPort("state", 1, WeakCallback(self._CalcState), from_verdict)
+        self.DeclareVectorOutputPort(
+            "confidence", 1, WeakCallback(self._CalcConfidence), from_verdict
+        )
+        self.DeclareVectorOutputPort(
+            "is_tracking", 1, WeakCallback(self._CalcIsTracking), from_verdict
+        )
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcWorldTransform),
+            WeakCallback(self._CalcWorldTransform),
             from_poses | {self.discrete_state_ticket(self._exposed_pose)},
         )
 
@@ -197,10 +202,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
         discrete_state.set_value(self._fitness, generation.fitness)
-        covariance = np.full(36, math.nan)
-        if generation.covariance is not None:
-            covariance = generation.covariance.reshape(36)
-        discrete_state.set_value(self._covariance, covariance)
+        discrete_state.set_value(self._covariance, covariance_port.ToVector(generation.covariance))
         discrete_state.set_value(self._gains, generation.gains)
         g = generation
         discrete_state.set_value(
@@ -210,8 +212,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         if g.motion is not None:
             numbers = g.motion.numbers(g.best)
         discrete_state.set_value(self._motion, numbers)
-        if g.stamps:
-            discrete_state.set_value(self._stamps, g.stamps)
+        if g.image_hashes:
+            discrete_state.set_value(self._image_hashes, g.image_hashes)
         if self._camera_pose.HasValue(context):
             X_WC = self._camera_pose.Eval(context)
             discrete_state.set_value(self._exposed_pose, X_WC.GetAsMatrix34().reshape(-1))
@@ -232,14 +234,14 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         return Generation(
             poses,
             numbers(self._fitness),
-            None if math.isnan(covariance[0]) else covariance.reshape(6, 6),
+            covariance_port.FromVector(covariance),
             (red, green, blue),
             TrackingState(int(state)),
             confidence,
             is_tracking > 0.0,
             int(unseen),
             None if math.isnan(motion[0]) else PoseFilter.of_numbers(poses[0], motion),
-            tuple(numbers(self._stamps).tolist()),
+            tuple(numbers(self._image_hashes).tolist()),
         )
 
     def _CarriedPoses(self, context: Context) -> NDArray[np.float64]:

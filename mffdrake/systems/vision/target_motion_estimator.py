@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import math
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
@@ -28,8 +28,9 @@ from mffdrake.recognition.poses.pose_filter import (
     body_covariance,
     pose_covariance,
 )
-from mffdrake.systems.callbacks import Weakly
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
+from mffdrake.systems.vision import covariance_port
 
 __all__ = ["EstimatorParameters", "TargetMotionEstimator"]
 
@@ -55,7 +56,7 @@ class EstimatorParameters:
         refined_factor: The same for a refined pose and its own covariance.
         systematic: Share of a refined pose's own covariance that is the same in frame after frame,
             as long as the target is seen from the same side: no mean lessens it.
-        gate: Poses of a greater surprise (see `PoseFilter`) are left out, ...
+        gate: Poses of a greater normalized innovation squared (`PoseFilter.nis`) are left out, ...
         patience: ... but so many in a row are believed.
         lost_error: From this standard error of the predicted place on, the target is lost [m].
 
@@ -90,6 +91,22 @@ class EstimatorParameters:
     gate: Annotated[float, Ge(1)] = 25.0
     patience: Count = 2
     lost_error: Positive = 0.2
+
+
+class _Measurement(NamedTuple):
+    """A recognized pose.
+
+    Attributes:
+        pose: Pose vector in the world, shape (6,).
+        covariance: Of its error, as a pose vector's, shape (6, 6).
+        systematic: That of the error's systematic part, seen from the target, shape (6, 6).
+        is_refined: Whether the recognizer itself told the covariance.
+    """
+
+    pose: Array
+    covariance: Array
+    systematic: Array
+    is_refined: bool
 
 
 class TargetMotionEstimator(LeafSystem):
@@ -185,7 +202,7 @@ class TargetMotionEstimator(LeafSystem):
         self._present = self.DeclareCacheEntry(
             "present",
             ValueProducer(
-                allocate=lambda: AbstractValue.Make([None]), calc=Weakly(self._CalcPresent)
+                allocate=lambda: AbstractValue.Make([None]), calc=WeakCallback(self._CalcPresent)
             ),
             {self.time_ticket(), self.xd_ticket()},
         )
@@ -193,7 +210,7 @@ class TargetMotionEstimator(LeafSystem):
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
-            Weakly(self._CalcPose),
+            WeakCallback(self._CalcPose),
             from_filter,
         )
         for name, size, calc in (
@@ -201,7 +218,7 @@ class TargetMotionEstimator(LeafSystem):
             ("covariance", 144, self._CalcCovariance),
             ("is_known", 1, self._CalcIsKnown),
         ):
-            self.DeclareVectorOutputPort(name, size, Weakly(calc), from_filter)
+            self.DeclareVectorOutputPort(name, size, WeakCallback(calc), from_filter)
 
         self.DeclarePeriodicDiscreteUpdateEvent(
             self._timing.control_period, 0.0, self._UpdateAfterFrame
@@ -222,11 +239,10 @@ class TargetMotionEstimator(LeafSystem):
         filter_time, last_frame, outliers, _ = context.get_discrete_state(self._history).value()
         (frame_time,) = self._frame_time.Eval(context)
         is_new = not math.isnan(frame_time) and frame_time != last_frame
-        seen, C, systematic = self._Measure(context)
+        seen, C, systematic, is_refined = self._Measure(context)
         if not is_new or self._is_tracking.Eval(context)[0] != 1.0:
             return
         exposed = frame_time - self._latency
-        is_refined = not math.isnan(self._pose_covariance.Eval(context)[0])
         motion = p.motion if is_refined else p.unrefined_motion
         known = self._Filter(context)
         if known is None or outliers >= p.patience:
@@ -234,23 +250,21 @@ class TargetMotionEstimator(LeafSystem):
         else:
             predicted = known.predict(max(0.0, exposed - filter_time), motion)
             updated = predicted.update(seen, C)
-            if updated.surprise <= p.gate:
+            if updated.nis <= p.gate:
                 known, outliers = updated, 0
             else:
-                known, outliers = predicted.surprised(seen, C), outliers + 1
+                known, outliers = predicted.reject(seen, C), outliers + 1
         discrete_state.set_value(self._filter, known.numbers(np.zeros(6)))
         discrete_state.set_value(self._history, [exposed, frame_time, outliers, float(is_refined)])
         discrete_state.set_value(self._systematic, systematic.reshape(-1))
 
-    def _Measure(self, context: Context) -> tuple[Array, Array, Array]:
-        """The recognized pose in the world and its error's covariance, as a pose vector's.
-
-        And that of the error's systematic part, seen from the target.
-        """
+    def _Measure(self, context: Context) -> _Measurement:
+        """The recognized pose in the world."""
         p, pose = self._parameters, self._pose.Eval(context)
         unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
-        C, systematic = self._pose_covariance.Eval(context).reshape(6, 6), np.zeros((6, 6))
-        if math.isnan(C[0, 0]):
+        C = covariance_port.FromVector(self._pose_covariance.Eval(context))
+        systematic = np.zeros((6, 6))
+        if C is None:
             R, r = transform_from_pose(pose)
             sight = r / max(1e-9, float(np.linalg.norm(r)))
             variance = p.unrefined_factor * unfit**2
@@ -264,7 +278,7 @@ class TargetMotionEstimator(LeafSystem):
             body, systematic = p.refined_factor * told, p.systematic * told
         X_WM = self._seen.Eval(context)
         seen = pose_from_transform(X_WM.rotation().matrix(), X_WM.translation())
-        return seen, pose_covariance(seen, body), systematic
+        return _Measurement(seen, pose_covariance(seen, body), systematic, C is not None)
 
     def _Filter(self, context: Context) -> PoseFilter | None:
         numbers = context.get_discrete_state(self._filter).value()

@@ -11,7 +11,7 @@ import yaml
 from mffdrake.recognition import CameraRig, ColorModel, FaceColor, SolidModel
 from mffdrake.recognition.poses.pose import pose_from_transform, rotation_angle
 from mffdrake.recognition.recordings.color_file import DumpColors, LoadColors, MasksOfPose
-from mffdrake.systems.cameras.rig_file import LoadRig
+from mffdrake.recognition.recordings.rig_file import LoadRig
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "cube_v1"
 needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"no real images in {REAL}")

@@ -87,7 +87,7 @@ def frames(count=8, *, step=0.01, fitness=0.9, std=np.nan, seen=lambda k: 0.0):
     for k in range(count):
         pose_WC, pose = np.zeros(6), np.array([seen(k), 0.0, 0.8, 0.0, 0.0, 0.0])
         pose_WC[0] = step * k
-        estimate = Estimate(pose, fitness, k, covariance=std**2 / 3 * np.eye(6))
+        estimate = Estimate(pose, fitness, k, covariance=std**2 / 3 * np.eye(6), refined=std > 0.0)
         tracked.append(TrackedFrame(RecordingFrame(k, 0.1 * k, (), pose_WC), estimate, 1.0))
     return tracked
 

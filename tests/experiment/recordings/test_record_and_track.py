@@ -12,8 +12,8 @@ import pytest
 
 from mffdrake.recognition import CameraRig
 from mffdrake.recognition.poses.pose import transform_from_pose
+from mffdrake.recognition.recordings.rig_file import LoadRig
 from mffdrake.recognition.recordings.trajectory import LoadTrajectory
-from mffdrake.systems.cameras.rig_file import LoadRig
 
 COLUMNS = [
     "frame", "time", "x", "y", "z", "qx", "qy", "qz", "qw", "fitness", "refined",

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from mffdrake.recognition import Camera, CameraRig, Distortion
 from mffdrake.recognition.camera.calibration import read_calibration
-from mffdrake.systems.cameras.rig_file import DumpRig, LoadRig, RigError
+from mffdrake.recognition.recordings.rig_file import DumpRig, LoadRig, RigError
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "cube_v1"
 ONE = "width: 640, height: 480, fx: 580.0, fy: 581.0, cx: 319.5, cy: 239.5"
@@ -278,7 +278,7 @@ def test_an_identity_is_written_without_a_rotation():
         ),
         (
             f"cameras: {{a: {{{ONE}, calibration_error: -1}}}}",
-            "cameras.a.calibration_error must be at least 0 px, not -1.0",
+            "cameras.a.calibration_error must be at least 0, not -1.0",
         ),
         (
             f"cameras: {{a: {{{ONE}, distortion: {{model: plum}}}}}}",

@@ -72,7 +72,7 @@ def test_images_come_in_the_rig_s_order():
 
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize(("stride", "numbers"), [(1, range(7)), (2, range(0, 7, 2)), (9, [0])])
-def test_every_so_manieth_frame_counts(stride, numbers, told):
+def test_every_nth_frame_counts(stride, numbers, told):
     recording = Recording(rig=RIG, sources=both(7, told=told), stride=stride, rate=10.0)
     frames = list(recording)
     assert [frame.frame for frame in frames] == list(numbers)
@@ -202,7 +202,7 @@ def frame_of(covariance=None):
     pose = np.array([0.1, -0.2, 0.3, 0.6, 0.0, 0.0])
     estimate = Estimate(pose, 0.75, 0)
     if covariance is not None:
-        estimate = dc.replace(estimate, covariance=covariance)
+        estimate = dc.replace(estimate, covariance=covariance, refined=True)
     return TrackedFrame(next(iter(recording)), estimate, 12.5)
 
 

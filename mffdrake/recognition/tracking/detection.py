@@ -30,7 +30,7 @@ _LIKE = 0.5  # A look that is less fit by this factor is none.
 _AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
 
 
-class Seen(NamedTuple):
+class Detection(NamedTuple):
     """A pose that the images show.
 
     Attributes:
@@ -50,7 +50,7 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Detector:
     """Looks for poses that can be refined and explain their borders.
 
     Attributes:
@@ -63,7 +63,7 @@ class Sight:
     search_range: SearchRange
     parameters: AcquisitionParameters
 
-    def near(self, bred: Array, predicted: Array, scene: Scene) -> Seen | None:
+    def near(self, bred: Array, predicted: Array, scene: Scene) -> Detection | None:
         """What the images show near two poses, with wide steps only where narrow ones fail.
 
         Args:
@@ -82,7 +82,7 @@ class Sight:
 
     def anywhere(
         self, scene: Scene, known: Array, frame: int, rng: np.random.Generator
-    ) -> tuple[Seen | None, list[Candidate]]:
+    ) -> tuple[Detection | None, list[Candidate]]:
         """The pose that explains most, if it is one; and all that were looked at.
 
         Args:
@@ -99,7 +99,7 @@ class Sight:
                     return self.resolve(seen, scene), candidates
         return None, candidates
 
-    def resolve(self, seen: Seen, scene: Scene) -> Seen:
+    def resolve(self, seen: Detection, scene: Scene) -> Detection:
         """Of the poses in which the solid may look the same, the one that explains most.
 
         Args:
@@ -128,7 +128,7 @@ class Sight:
         rivals &= np.delete(fitness, best) > fitness[best] - _AS_FIT
         return seen._replace(ambiguous=bool(rivals.any()))
 
-    def is_one(self, pose: Array, other: Array) -> bool:
+    def is_same(self, pose: Array, other: Array) -> bool:
         """Whether two pose vectors, each of shape (6,), are one pose within what counts.
 
         Poses between which the solid's symmetries leave no difference are one, too.
@@ -139,13 +139,13 @@ class Sight:
         angle = float(rotation_angle(pose[3:], other[3:]))
         return distance <= apart * self.refiner.matcher.solid.size and angle <= turned
 
-    def _refine(self, pose: ArrayLike, scene: Scene, least: float) -> Seen | None:
+    def _refine(self, pose: ArrayLike, scene: Scene, least: float) -> Detection | None:
         """A pose refined, if the images show it."""
         refined = self.refiner.refine_scene(pose, scene)
         if not refined.converged:
             return None
         explained = self._acquisition.explained(refined.pose, scene)
-        return Seen(refined, explained) if explained.share >= least else None
+        return Detection(refined, explained) if explained.share >= least else None
 
     @cached_property
     def _acquisition(self) -> Acquisition:

@@ -1,4 +1,4 @@
-"""Compiled robust Gauss-Newton steps toward borders and jumps (numba; import it late)."""
+"""Compiled robust Gauss-Newton iterations toward borders and jumps (numba; import it late)."""
 
 from __future__ import annotations
 
@@ -14,27 +14,26 @@ from mffdrake.recognition.poses.cholesky import factor, solve
 from mffdrake.recognition.poses.rotations import move
 from mffdrake.recognition.refinement.borders import BorderRules, Borders
 from mffdrake.recognition.refinement.edge_lines import Lines, move_lines
-from mffdrake.recognition.refinement.residuals import compare, hold_free
+from mffdrake.recognition.refinement.outcome import Outcome
+from mffdrake.recognition.refinement.residuals import fix_gauge, linearize
 
 Array = NDArray[np.float64]
 
-SETTLED, TOO_FEW, SINGULAR, UNSETTLED = range(4)
-
 _TUKEY = 4.685  # where an error's weight becomes zero, for 95 % efficiency if errors are normal
 _STEEPEST = 0.3  # Edges of a greater slope jump every third row or more often.
-_SETTLED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
-_NEARLY = 0.1
+_CONVERGED = 1e-3  # A step this short, squared and in units of its covariance, is the last.
+_NEARLY = 0.1  # the same, where `center` follows
 _DAMPED_FROM = 4  # steps
 _JUMP_FLOOR = 0.002  # [px] of a jump's error, as the slope is not exactly known
 
 
-class Found(NamedTuple):
-    """What the images show: borders and jumps, and how hard the images are."""
+class Measurements(NamedTuple):
+    """What the images show: borders and jumps, and how aliased the images are."""
 
     borders: Borders
     jumps: Borders
     spacing: int
-    hardness: float
+    aliasing: float
 
 
 class Equations(NamedTuple):
@@ -44,37 +43,48 @@ class Equations(NamedTuple):
     b: Array
 
 
-class Rest(NamedTuple):
-    """When steps end: after so many; in a final stage; in one that `center` follows on."""
+class LineSums(NamedTuple):
+    """Of each line the sums of w J, of w r and of w over its borders, shapes (L, 6), (L,), (L,).
+
+    J is a border's row of the Jacobian, r its residual and w its weight.
+    """
+
+    wJ: Array
+    wr: Array
+    w: Array
+
+
+class Stopping(NamedTuple):
+    """When iterations end: after so many; in a final stage; in one that `center` follows on."""
 
     steps: int
     final: bool
-    hard: bool
+    aliased: bool
 
 
-class Settled(NamedTuple):
-    """Where steps ended: attributes of the same names of a `Result`."""
+class Fit(NamedTuple):
+    """Where iterations ended: attributes of the same names of a `Result`."""
 
-    outcome: int
+    outcome: Outcome
     pose: Array
-    trusted: float
-    scale: float
+    inlier_ratio: float
+    residual: float
 
 
 @njit(cache=True, error_model="numpy")
-def _add(J: Array, r: float, w: float, equations: Equations, shared: Array) -> None:
-    """Adds one border to the normal equations and to its slot's sums."""
+def _add(J: Array, r: float, w: float, equations: Equations, sums: LineSums, line: int) -> None:
+    """Adds one border to the normal equations and to its line's sums."""
     for i in range(6):
         for j in range(i + 1):
             equations.N[i, j] += w * J[i] * J[j]
         equations.b[i] += w * J[i] * r
-        shared[i] += w * J[i]
-    shared[6] += w * r
-    shared[7] += w
+        sums.wJ[line, i] += w * J[i]
+    sums.wr[line] += w * r
+    sums.w[line] += w
 
 
 @njit(cache=True, error_model="numpy")
-def _robust(squared: float) -> float:
+def _tukey_weight(squared: float) -> float:
     """Tukey's weight of a squared error in units of its variance."""
     rest = 1.0 - squared / (_TUKEY * _TUKEY)
     return rest * rest if rest > 0.0 else 0.0
@@ -84,7 +94,7 @@ def _robust(squared: float) -> float:
 def normal_equations(
     pose: Array,
     lines: Lines,
-    found: Found,
+    found: Measurements,
     scene: Scene,
     rules: BorderRules,
     equations: Equations,
@@ -92,82 +102,84 @@ def normal_equations(
 ) -> tuple[float, float]:
     """Fills in the weighted normal equations of all errors, and the borders' weights.
 
-    Returns the borders' scale [px] and the sum of their robust weights.
+    Returns the inliers' root mean squared residual [px] and the sum of their robust weights.
     """
     borders, jumps = found.borders, found.jumps
     least, edge_error = rules.border_error, rules.edge_error
     N, b = equations
     residuals, J = np.empty(len(borders)), np.empty((len(borders), 6))
-    compare(pose, lines, borders, scene, residuals, J)
+    linearize(pose, lines, borders, scene, residuals, J)
     scale = max(least, 1.4826 * float(np.median(np.abs(residuals))))
     # The cut is robust; what remains within it tells the variance.
-    total, trusted = 0.0, 0.0
+    total, weights = 0.0, 0.0
     for k in range(len(borders)):
-        weight = _robust(residuals[k] ** 2 / (scale * scale))
+        weight = _tukey_weight(residuals[k] ** 2 / (scale * scale))
         total += weight * residuals[k] ** 2
-        trusted += weight
-    spread = max(least**2, total / trusted)
-    shared = np.zeros((len(lines), 8))
+        weights += weight
+    spread = max(least**2, total / weights)
+    sums = LineSums(np.zeros((len(lines), 6)), np.zeros(len(lines)), np.zeros(len(lines)))
     N[:], b[:] = 0.0, 0.0
     for k in range(len(borders)):
         border = borders[k]
-        line = lines[border.slot]
+        line = lines[border.line]
         variance = spread
         if abs(line.slope) < _STEEPEST:
             # Borders that round to the same pixel share the error of it: together they count as
             # one. In a steeper edge those errors follow each other too fast to matter.
             length = abs(line.last - line.first)
             same = min(length, 1.0 / max(abs(line.slope), 1e-9)) / found.spacing
-            variance += found.hardness / 12.0 * same
-        border.weight = _robust(residuals[k] ** 2 / (scale * scale)) / variance
-        _add(J[k], residuals[k], border.weight, equations, shared[border.slot])
+            variance += found.aliasing / 12.0 * same
+        border.weight = _tukey_weight(residuals[k] ** 2 / (scale * scale)) / variance
+        _add(J[k], residuals[k], border.weight, equations, sums, border.line)
     residuals, J = np.empty(len(jumps)), np.empty((len(jumps), 6))
-    compare(pose, lines, jumps, scene, residuals, J)
+    linearize(pose, lines, jumps, scene, residuals, J)
     for k in range(len(jumps)):
         jump = jumps[k]
-        line = lines[jump.slot]
+        line = lines[jump.line]
         jump.weight = 0.0
         if abs(line.slope) >= _STEEPEST:
             continue
         # It lies evenly spread over some rows, times how far the line moves in one.
         variance = (line.slope * jump.within) ** 2 / 12.0 + _JUMP_FLOOR**2
         squared = residuals[k] ** 2
-        jump.weight = _robust(squared / (4.0 * (variance + edge_error**2) + jump_tolerance**2))
+        jump.weight = _tukey_weight(
+            squared / (4.0 * (variance + edge_error**2) + jump_tolerance**2)
+        )
         jump.weight /= variance
-        _add(J[k], residuals[k], jump.weight, equations, shared[jump.slot])
-    # An error that all borders of a slot share has the covariance D + edge_error^2 1 1^T, whose
+        _add(J[k], residuals[k], jump.weight, equations, sums, jump.line)
+    # An error that all borders of a line share has the covariance D + edge_error^2 1 1^T, whose
     # inverse is (Sherman and Morrison) that of D less a matrix of rank one.
-    for slot in range(len(lines)):
-        c = edge_error**2 / (1.0 + edge_error**2 * shared[slot, 7])
+    for n in range(len(lines)):
+        c = edge_error**2 / (1.0 + edge_error**2 * sums.w[n])
         for i in range(6):
             for j in range(i + 1):
-                N[i, j] -= c * shared[slot, i] * shared[slot, j]
-            b[i] -= c * shared[slot, i] * shared[slot, 6]
-    hold_free(N, pose, scene.solid)
-    return math.sqrt(spread), trusted
+                N[i, j] -= c * sums.wJ[n, i] * sums.wJ[n, j]
+            b[i] -= c * sums.wJ[n, i] * sums.wr[n]
+    fix_gauge(N, pose, scene.solid)
+    return math.sqrt(spread), weights
 
 
 @njit(cache=True, error_model="numpy")
-def settle(
+def minimize(
     pose: Array,
     lines: Lines,
-    found: Found,
+    found: Measurements,
     scene: Scene,
     rules: BorderRules,
     equations: Equations,
     L: Array,
-    rest: Rest,
-) -> Settled:
-    """Steps until the pose hardly moves; before the final stage it need not come to rest."""
+    stopping: Stopping,
+) -> Fit:
+    """Steps until the pose hardly moves; before the final stage it need not converge."""
     solid, count = scene.solid, len(found.borders)
-    outcome, trusted, scale = SETTLED, 0.0, np.nan
-    for k in range(rest.steps):
-        scale, weights = normal_equations(
+    outcome, inlier_ratio, residual = Outcome.CONVERGED, 0.0, np.nan
+    for k in range(stopping.steps):
+        residual, weights = normal_equations(
             pose, lines, found, scene, rules, equations, 0.1 * 0.25**k
         )
-        trusted = weights / count
+        inlier_ratio = weights / count
         if not factor(equations.N, L):
-            outcome = SINGULAR
+            outcome = Outcome.SINGULAR
             break
         step = solve(L, equations.b)
         advance = 0.0  # squared, in units of the covariance: x^T N x
@@ -180,9 +192,12 @@ def settle(
         # Slopes set the weights, which must not change for ever.
         whole = move_lines(lines, pose, solid, scene.views, k < 3)
         if not (whole and math.isfinite(pose.sum())):
-            outcome = UNSETTLED
+            outcome = Outcome.NOT_CONVERGED
             break
-        outcome = SETTLED if advance < 0.25 or not rest.final else UNSETTLED
-        if (advance < _SETTLED and k >= 2) or (rest.hard and advance < _NEARLY and k >= 1):
+        outcome = Outcome.CONVERGED
+        if stopping.final and not advance < 0.25:
+            outcome = Outcome.NOT_CONVERGED
+        near = stopping.aliased and advance < _NEARLY and k >= 1
+        if (advance < _CONVERGED and k >= 2) or near:
             break
-    return Settled(outcome, pose, trusted, scale)
+    return Fit(outcome, pose, inlier_ratio, residual)

@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 _MOST_BYTES = 500_000_000
 
 
-def kept(
+def cached(
     function: Callable[..., Result], *arguments: Any, key: Sequence[str | NDArray[Any]]
 ) -> Result:
     """What a function returns, from the user's cache folder if it was computed before.
@@ -34,7 +34,7 @@ def kept(
         key: What tells these arguments from others.
 
     Example:
-        >>> float(kept(np.sqrt, 9.0, key=["an example"]))
+        >>> float(cached(np.sqrt, 9.0, key=["an example"]))
         3.0
     """
     digest = hashlib.sha256(f"{code_hash()} {function.__module__}.{function.__name__}".encode())

@@ -1,8 +1,8 @@
-"""Compiled looks of a solid from many sides, and orientations (numba). Import only where it runs.
+"""Compiled appearances of a solid from many sides, and orientations (numba; import it late).
 
-A *look* is a row of numbers: of every color its share of the area that is seen, and that share
-times its center's place; then the second moments about the whole's center (xx, xy, yy). Lengths are
-in units of the root of the area, so that a look does not depend on the distance.
+An *appearance* describes a silhouette: every color's share of its area with that color's first
+moments, and the second moments of the whole, all about the whole's center. Lengths are in units of
+the root of the area, so that an appearance does not depend on the distance.
 """
 
 from __future__ import annotations
@@ -15,29 +15,56 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.structs import Solid
-from mffdrake.recognition.poses.rotations import multiply, rotation
+from mffdrake.recognition.poses.rotations import multiply, rotated, rotation
 from mffdrake.recognition.visibility.drawing import Camera, Canvas, Drawn, draw
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_RESOLUTION = 64  # pixels across, of a drawn look
+Colors = NDArray[np.void]
+Moments = NDArray[np.void]
+
+_RESOLUTION = 64  # pixels across, of a drawn view
+
+COLOR = np.dtype(
+    [
+        ("share", np.float64),  # of the silhouette's area
+        ("x", np.float64),  # that share times its center's place
+        ("y", np.float64),
+    ]
+)
+"""How one color is seen."""
+
+SECOND_MOMENTS = np.dtype([("xx", np.float64), ("xy", np.float64), ("yy", np.float64)])
+"""Of a silhouette, about its center."""
 
 
-class Looks(NamedTuple):
+class Appearances(NamedTuple):
+    """How something looks, N times.
+
+    Attributes:
+        colors: Of each of C colors a `COLOR`, shape (N, C).
+        moments: The `SECOND_MOMENTS`, shape (N,).
+    """
+
+    colors: Colors
+    moments: Moments
+
+
+class AppearanceTable(NamedTuple):
     """How a solid looks from many sides, from a usual distance.
 
     Attributes:
         turns: Quaternions (scalar part first) of its orientation R_FM, shape (N, 4).
         area: Area of what is seen of it, at its distance [m^2], shape (N,).
         center: Where its middle lies from the center of what is seen [m], shape (N, 2).
-        looks: Their looks, shape (N, 3 C + 3).
+        appearances: How it looks, N times.
     """
 
     turns: Array
     area: Array
     center: Array
-    looks: Array
+    appearances: Appearances
 
 
 class Corners(NamedTuple):
@@ -49,39 +76,47 @@ class Corners(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def add_to_look(
-    look: Array, color: int, num_colors: int, area: float, x: float, y: float,
-    xx: float, xy: float, yy: float,
-) -> None:  # fmt: skip
-    """Adds a piece of one color: its area, center, and second moments about that."""
-    last = 3 * num_colors
-    look[3 * color] += area
-    look[3 * color + 1] += area * x
-    look[3 * color + 2] += area * y
-    look[last] += area * (x * x + xx)
-    look[last + 1] += area * (x * y + xy)
-    look[last + 2] += area * (y * y + yy)
+def new_appearances(count: int, num_colors: int) -> Appearances:
+    """So many, all of nothing yet."""
+    return Appearances(
+        np.zeros((count, num_colors), dtype=COLOR), np.zeros(count, dtype=SECOND_MOMENTS)
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def finish_look(look: Array, num_colors: int) -> tuple[float, float, float]:
-    """Makes a look of the sums. Returns the area and the center."""
-    last = 3 * num_colors
+def add_patch(
+    appearances: Appearances, n: int, color: int, area: float, x: float, y: float,
+    xx: float, xy: float, yy: float,
+) -> None:  # fmt: skip
+    """Adds a patch of one color: its area, center, and second moments about that."""
+    part, whole = appearances.colors[n, color], appearances.moments[n]
+    part.share += area
+    part.x += area * x
+    part.y += area * y
+    whole.xx += area * (x * x + xx)
+    whole.xy += area * (x * y + xy)
+    whole.yy += area * (y * y + yy)
+
+
+@njit(cache=True, error_model="numpy")
+def normalize(appearances: Appearances, n: int) -> tuple[float, float, float]:
+    """Makes an appearance of the sums over its patches. Returns its area and center."""
+    colors, whole = appearances.colors[n], appearances.moments[n]
     area, x, y = 0.0, 0.0, 0.0
-    for k in range(num_colors):
-        area += look[3 * k]
-        x += look[3 * k + 1]
-        y += look[3 * k + 2]
+    for color in colors:
+        area += color.share
+        x += color.x
+        y += color.y
     x, y = x / area, y / area
     size = math.sqrt(area)
-    for k in range(num_colors):
-        share = look[3 * k] / area
-        look[3 * k + 1] = (look[3 * k + 1] / area - share * x) / size
-        look[3 * k + 2] = (look[3 * k + 2] / area - share * y) / size
-        look[3 * k] = share
-    look[last] = (look[last] / area - x * x) / area
-    look[last + 1] = (look[last + 1] / area - x * y) / area
-    look[last + 2] = (look[last + 2] / area - y * y) / area
+    for color in colors:
+        share = color.share / area
+        color.x = (color.x / area - share * x) / size
+        color.y = (color.y / area - share * y) / size
+        color.share = share
+    whole.xx = (whole.xx / area - x * x) / area
+    whole.xy = (whole.xy / area - x * y) / area
+    whole.yy = (whole.yy / area - y * y) / area
     return area, x, y
 
 
@@ -103,14 +138,13 @@ def spread_turns(count: int) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def draw_looks(
+def draw_appearances(
     drawn: Drawn, classes: NDArray[np.int8], num_colors: int, distance: float, turns: Array
-) -> Looks:
-    """The looks of a solid whose middle is straight ahead, drawn. ``classes``: faces' colors."""
+) -> AppearanceTable:
+    """The appearances of a solid straight ahead, drawn. ``classes``: faces' colors."""
     count = len(turns)
-    table = Looks(
-        turns, np.empty(count), np.empty((count, 2)), np.zeros((count, 3 * num_colors + 3))
-    )
+    appearances = new_appearances(count, num_colors)
+    table = AppearanceTable(turns, np.empty(count), np.empty((count, 2)), appearances)
     canvas = Canvas(
         np.empty((_RESOLUTION, _RESOLUTION)),
         np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
@@ -124,32 +158,31 @@ def draw_looks(
         for i in range(_RESOLUTION):
             for j in range(_RESOLUTION):
                 if canvas.faces[i, j] >= 0:
-                    add_to_look(
-                        table.looks[n], classes[canvas.faces[i, j]], num_colors, pixel**2,
+                    add_patch(
+                        appearances, n, classes[canvas.faces[i, j]], pixel**2,
                         (j - half) * pixel, (i - half) * pixel, pixel**2 / 12.0, 0.0,
                         pixel**2 / 12.0,
                     )  # fmt: skip
-        area, x, y = finish_look(table.looks[n], num_colors)
+        area, x, y = normalize(appearances, n)
         table.area[n] = area * distance * distance
         table.center[n, 0], table.center[n, 1] = -x * distance, -y * distance
     return table
 
 
 @njit(cache=True, error_model="numpy")
-def make_looks(
+def project_appearances(
     solid: Solid,
     corners_of: Corners,
     classes: NDArray[np.int8],
     num_colors: int,
     distance: float,
     turns: Array,
-) -> Looks:
-    """The looks of a convex solid whose middle is straight ahead. ``classes``: faces' colors."""
+) -> AppearanceTable:
+    """The appearances of a convex solid straight ahead. ``classes``: faces' colors."""
     vertices, edges, edge_faces = corners_of
     count, num_faces = len(turns), len(solid.normals)
-    table = Looks(
-        turns, np.empty(count), np.empty((count, 2)), np.zeros((count, 3 * num_colors + 3))
-    )
+    appearances = new_appearances(count, num_colors)
+    table = AppearanceTable(turns, np.empty(count), np.empty((count, 2)), appearances)
     seen = np.empty(num_faces, dtype=np.bool_)
     corners, centers = np.empty((3, 2)), np.empty((num_faces, 2))
     points = np.empty((len(vertices), 2))
@@ -186,8 +219,8 @@ def make_looks(
                 for k in range(3):
                     dx, dy = corners[k, 0] - x, corners[k, 1] - y
                     xx, xy, yy = xx + dx * dx / 12.0, xy + dx * dy / 12.0, yy + dy * dy / 12.0
-                add_to_look(table.looks[n], classes[f], num_colors, area, x, y, xx, xy, yy)
-        area, x, y = finish_look(table.looks[n], num_colors)
+                add_patch(appearances, n, classes[f], area, x, y, xx, xy, yy)
+        area, x, y = normalize(appearances, n)
         table.area[n] = area * distance * distance
         table.center[n, 0], table.center[n, 1] = -x * distance, -y * distance
     return table
@@ -196,12 +229,8 @@ def make_looks(
 @njit(cache=True, error_model="numpy")
 def _ahead(R: Array, point: Array, middle: Array, distance: float) -> tuple[float, float]:
     """Normalized coordinates of a point of a solid whose middle is straight ahead."""
-    a, b, c = point[0] - middle[0], point[1] - middle[1], point[2] - middle[2]
-    z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + distance
-    return (
-        (R[0, 0] * a + R[0, 1] * b + R[0, 2] * c) / z,
-        (R[1, 0] * a + R[1, 1] * b + R[1, 2] * c) / z,
-    )
+    x, y, z = rotated(R, point[0] - middle[0], point[1] - middle[1], point[2] - middle[2])
+    return x / (z + distance), y / (z + distance)
 
 
 @njit(cache=True, error_model="numpy")
@@ -214,20 +243,34 @@ def multiply_all(a: Array, b: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def find_alike(look: Array, table: Looks, count: int, alike: IntArray) -> None:
-    """Fills in the looks of a table that are most like a blob's, the likest first."""
+def _distance(a: Appearances, n: int, b: Appearances, m: int, limit: float) -> float:
+    """Squared distance of two appearances; of one that exceeds the limit, only that it does."""
+    distance = 0.0
+    for k in range(a.colors.shape[1]):
+        one, other = a.colors[n, k], b.colors[m, k]
+        distance += (one.share - other.share) * (one.share - other.share)
+        distance += (one.x - other.x) * (one.x - other.x)
+        distance += (one.y - other.y) * (one.y - other.y)
+        if distance >= limit:
+            return distance  # type: ignore[no-any-return]
+    whole, rival = a.moments[n], b.moments[m]
+    distance += 4.0 * (whole.xx - rival.xx) * (whole.xx - rival.xx)
+    distance += 4.0 * (whole.xy - rival.xy) * (whole.xy - rival.xy)
+    distance += 4.0 * (whole.yy - rival.yy) * (whole.yy - rival.yy)
+    return distance  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def find_similar(
+    appearances: Appearances, n: int, table: AppearanceTable, count: int, similar: IntArray
+) -> None:
+    """Fills in the views of a table that look most like an appearance, the most similar first."""
     best = np.full(count, np.inf)
-    last = len(look) - 3
-    for n in range(len(table.area)):
-        distance = 0.0
-        for k in range(len(look)):
-            apart = look[k] - table.looks[n, k]
-            distance += apart * apart if k < last else 4.0 * apart * apart
-            if distance >= best[count - 1]:
-                break
+    for m in range(len(table.area)):
+        distance = _distance(appearances, n, table.appearances, m, best[count - 1])
         if distance < best[count - 1]:
             place = count - 1
             while place > 0 and best[place - 1] > distance:
-                best[place], alike[place] = best[place - 1], alike[place - 1]
+                best[place], similar[place] = best[place - 1], similar[place - 1]
                 place -= 1
-            best[place], alike[place] = distance, n
+            best[place], similar[place] = distance, m

@@ -23,7 +23,7 @@ from mffdrake.recognition.parameters import (
     unknown_key,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
-from mffdrake.systems.transforms import AngleAxisDeg, Identity, RpyDeg
+from mffdrake.recognition.poses.rotation_parameters import AngleAxisDeg, Identity, RpyDeg
 
 __all__ = ["DumpRig", "LoadRig", "RigError"]
 
