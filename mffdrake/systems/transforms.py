@@ -8,7 +8,7 @@ from typing import Annotated
 from pydrake.math import RigidTransform, RotationMatrix
 
 from mffdrake.recognition.parameters import OneOf, Vector3, parameters
-from mffdrake.recognition.poses.rotation_parameters import AngleAxisDeg, Identity, RpyDeg
+from mffdrake.recognition.parameters.rotations import AngleAxisDeg, Identity, RpyDeg
 
 __all__ = ["Pose"]
 

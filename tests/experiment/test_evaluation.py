@@ -8,10 +8,20 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from mffdrake.experiment.runs.store import Versions
-from mffdrake.experiment.runs.table import GroupRows, MarkdownTable, WriteJson, WriteRows
+from mffdrake.experiment.paper.report import tables
+from mffdrake.experiment.paper.study import Study, Summarize
+from mffdrake.experiment.runs import table
+from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
+from mffdrake.experiment.runs.store import Record, Versions
+from mffdrake.experiment.runs.table import (
+    GroupRows,
+    MakeTable,
+    MarkdownTable,
+    WriteJson,
+    WriteRows,
+)
 from mffdrake.experiment.scenario.scenario import LoadScenario
-from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Evaluate
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Column, Evaluate
 from mffdrake.experiment.simulation.recovery import RECOVERY
 from mffdrake.experiment.simulation.simulation import SimulationResult
 
@@ -325,3 +335,26 @@ def test_the_table_of_short_runs_shows_all_frames_and_says_so():
     header, _, body = (cells(line) for line in table.splitlines()[:3])
     assert dict(zip(header, body, strict=True))["x [mm]"] == "5.00"
     assert "all frames" in table.splitlines()[-1]
+
+
+# A new column.
+
+
+def test_one_line_adds_a_figure_to_every_row_file_and_table(tmp_path, monkeypatch):
+    new = Column("jitter", float, lambda run: 0.25, "jitter", ".2f", shown=True)
+    monkeypatch.setattr(evaluation, "COLUMNS", (*evaluation.COLUMNS, new))
+    monkeypatch.setattr(table, "COLUMNS", evaluation.COLUMNS)
+    rows = rows_of_seeds([0.001, 0.002])
+    assert [row["jitter"] for row in rows] == [0.25, 0.25]
+    WriteRows(rows, tmp_path / "results.csv")
+    header = (tmp_path / "results.csv").read_text().splitlines()[0]
+    assert '"jitter"' in header.split(",")
+    plan = [PlannedRun(scenario=LoadScenario(text="seed: 3"), labels={"a": 1})]
+    ended = [EndedRun(run=plan[0], record=Record(row=rows[0]))]
+    assert MakeTable(plan, ended)["jitter"].to_pylist() == [0.25]
+    study = Study("a", "A", "?", "b", (), seeds=1)
+    labels = {"study": "a", "label": "one", "curve": "c", "value": 0.0, "status": "done"}
+    of_study = tables.StudyTable(Summarize([{**labels, "error": None, **rows[0]}]), study)
+    for text in (MarkdownTable(rows), table.SummaryTable(rows, ("method",)), of_study):
+        heading, _, line = (cells(line) for line in text.splitlines()[:3])
+        assert dict(zip(heading, line, strict=True))["jitter"] == "0.25"

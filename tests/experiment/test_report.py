@@ -155,9 +155,9 @@ def test_a_variant_that_did_not_run_has_a_remark():
     )
     study = Study(name="near", title="", question="", axis="", variants=variants, seeds=1)
     lines = StudyTable(Summarize([row, failed]), study).splitlines()
-    assert lines[0].endswith("| seeds | remark |")
-    assert lines[2] == "| mff, 0.314 rad/s | 0.973 | 5.78 | 1.53 | 1 |  |"
-    assert lines[3] == r"| too fast | - | - | - | 0 | a limit \| of &lt;S1&gt; |"
+    assert lines[0] == "| variant | seeds | fitness | position [mm] | rotation [deg] | remark |"
+    assert lines[2] == "| mff, 0.314 rad/s | 1 | 0.973 | 5.78 | 1.53 |  |"
+    assert lines[3] == r"| too fast | 0 | - | - | - | a limit \| of &lt;S1&gt; |"
     assert "remark" not in StudyTable(Summarize([row]), study)
 
 

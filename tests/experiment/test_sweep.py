@@ -155,6 +155,29 @@ def test_runs_of_other_code_are_left_alone_and_not_taken_for_this_ones(tmp_path)
     assert "of other code" in stored(tmp_path)
 
 
+def test_the_command_says_that_runs_of_other_code_are_run_anew(folder):
+    assert mffdrake("sweep", "grid.yaml", cwd=folder).returncode == 0
+    with closing(sqlite3.connect(folder / "out" / "runs.sqlite")) as store, store:
+        store.execute("UPDATE runs SET key = key || 'x', code = 'mffdrake 0.0.1'")
+    again = mffdrake("sweep", "grid.yaml", cwd=folder)
+    assert again.returncode == 0
+    (line,) = again.stderr.splitlines()
+    assert line == (
+        "mffdrake: out/runs.sqlite has 4 runs of other code or versions; they stay there, and are "
+        "run anew"
+    )
+    assert len(stored(folder / "out")) == 8
+
+
+def test_the_command_says_that_an_earlier_versions_records_cannot_go_on(folder):
+    (folder / "out" / "records").mkdir(parents=True)
+    (folder / "out" / "records" / "0123456789abcdef.npz").write_bytes(b"frames")
+    finished = mffdrake("sweep", "grid.yaml", cwd=folder)
+    assert finished.returncode == 0
+    (line,) = finished.stderr.splitlines()
+    assert line.startswith("mffdrake: out/records has records of an earlier version")
+
+
 def test_a_worker_with_other_code_refuses():
     with pytest.raises(OtherCodeError, match="the worker has other code"):
         SimulateInWorker(Scenario(), "mffdrake 0.0.1")

@@ -11,7 +11,7 @@ from mffdrake.recognition.poses import rotations
 from mffdrake.recognition.poses.pose_motion import rotate_by
 from mffdrake.recognition.refinement import borders as borders_module
 from mffdrake.recognition.refinement import centering, edge_lines
-from mffdrake.recognition.refinement import residuals as border_residuals
+from mffdrake.recognition.refinement import gauss_newton as border_residuals
 
 BOX = paper_box()
 RIG = CameraRig.stereo()

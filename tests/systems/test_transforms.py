@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.common.schema import Rotation
 
-from mffdrake.recognition.poses.rotation_parameters import AngleAxisDeg, RpyDeg
+from mffdrake.recognition.parameters.rotations import AngleAxisDeg, RpyDeg
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 360.0])

@@ -23,6 +23,7 @@ from mffdrake.experiment.runs.executors.executors import Executor, InProcess
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses, UsableCores
 from mffdrake.experiment.runs.grid import Grid, LoadGrid
 from mffdrake.experiment.runs.pictures import PlotComparison, PlotErrors
+from mffdrake.experiment.runs.store import FRAMES_NAME, STORE_NAME, RunStore
 from mffdrake.experiment.runs.sweep import Sweep
 from mffdrake.experiment.runs.table import MarkdownTable, SummaryTable, WriteJson, WriteRows
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
@@ -54,7 +55,7 @@ def RunCompare(options: argparse.Namespace, scenario: Scenario, folder: Path) ->
     plan = [PlannedRun(scenario=variant) for variant in variants]
     if options.graphviz:
         SaveDiagram(MakeHandEyeDiagram(variants[-1]), options.graphviz)
-    logging.getLogger("mffdrake").setLevel(logging.ERROR)  # What there is to warn of has been said.
+    _Begin(options, folder)
     try:
         with RunBar(plan) as on_run:
             place = _Place(options, plan, options.workers or 1)
@@ -104,7 +105,7 @@ def RunSweep(options: argparse.Namespace) -> int:
     grid = _LoadGrid(options)
     place = _Place(options, grid.runs, UsableCores())
     folder = MakeOutputFolder(options.out)
-    _Quieten(options)
+    _Begin(options, folder)
     with RunBar(grid.runs) as on_run:
         table = Sweep(grid, folder, executor=place, file_format=options.format, on_run=on_run)
     rows = table.to_pylist()
@@ -144,7 +145,7 @@ def RunReproduce(options: argparse.Namespace) -> int:
     folder = MakeOutputFolder(options.out)
     if options.graphviz:
         SaveDiagram(MakeHandEyeDiagram(plan[0].scenario), options.graphviz)
-    _Quieten(options)
+    _Begin(options, folder)
     with RunBar(plan) as on_run:
         reproduction = RunStudies(studies, base, folder, executor=place, on_run=on_run)
     report = WriteReport(reproduction, folder)
@@ -179,8 +180,17 @@ def _Place(options: argparse.Namespace, plan: Sequence[PlannedRun], workers: int
     return LocalProcesses(count) if count > 1 else InProcess()
 
 
-def _Quieten(options: argparse.Namespace) -> None:
-    """Thousands of runs would all warn of the same."""
+def _Begin(options: argparse.Namespace, folder: Path) -> None:
+    """Says which results from before are of no use, and quietens what all runs would warn of."""
+    path, frames = folder / STORE_NAME, folder / FRAMES_NAME
+    if path.exists():
+        others = RunStore(path).CountOthers()
+        if others:
+            print(f"mffdrake: {path} has {others} runs of other code or versions; they stay there, "
+                  "and are run anew", file=sys.stderr)  # fmt: skip
+    elif frames.is_dir() and any(frames.iterdir()):
+        print(f"mffdrake: {frames} has records of an earlier version, which cannot go on here; "
+              "they stay there, and all is run anew", file=sys.stderr)  # fmt: skip
     if not options.verbose:
         logging.getLogger("mffdrake").setLevel(logging.ERROR)
 

@@ -21,6 +21,7 @@ from mffdrake.recognition.parameters import InputError
 from mffdrake.systems.arms.models import FindModelsPath
 
 __all__ = [
+    "FRAMES_NAME",
     "STORE_NAME",
     "CodeFingerprint",
     "Record",
@@ -58,7 +59,8 @@ _PACKAGES = ("mffdrake", "drake", "numpy", "numba")
 STORE_NAME = "runs.sqlite"
 """The file in a folder of results that keeps the runs."""
 
-_FRAMES = "records"
+FRAMES_NAME = "records"
+"""The folder beside it that keeps runs frame by frame."""
 
 
 def Versions() -> dict[str, str]:
@@ -184,6 +186,16 @@ class RunStore:
                     records[key] = Record(row=row, error=found[1], attempts=found[2])
         return records
 
+    def CountOthers(self) -> int:
+        """How many runs are there that other code has run, and which are of no use to this one.
+
+        Raises:
+            StoreError: When the file is damaged.
+        """
+        with self._Transaction() as connection:
+            query = "SELECT COUNT(*) FROM runs WHERE code <> ?"
+            return int(connection.execute(query, (CodeFingerprint(),)).fetchone()[0])
+
     def Frames(self, key: str) -> SimulationResult | None:
         """A run's frames; None where they are not kept, or damaged."""
         with contextlib.suppress(OSError, ValueError):
@@ -191,7 +203,7 @@ class RunStore:
         return None
 
     def _FramesPath(self, key: str) -> Path:
-        return self._path.parent / _FRAMES / f"{key[:16]}.npz"
+        return self._path.parent / FRAMES_NAME / f"{key[:16]}.npz"
 
     def Put(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FORMATS",
-    "SHOWN",
     "Group",
     "GroupRows",
     "IsSettled",
@@ -36,9 +36,6 @@ __all__ = [
 
 FORMATS = ("parquet", "csv")
 """The formats of a table's file."""
-
-SHOWN: tuple[Column, ...] = tuple(column for column in COLUMNS if column.shown)
-"""The figures that every table for people shows, where there are any."""
 
 _PAPERS = tuple(f"rms.{name}" for name in ("x_mm", "y_mm", "z_mm", "eps1", "eps2", "eps3"))
 _OUTCOME = {"seed": int, "status": str, "error": str, "attempts": int}
@@ -115,6 +112,17 @@ class Group:
                 return float(np.mean(known) if column.is_mean else np.median(known))
         return None
 
+    def Cell(self, column: Column, settled: bool, *, quartiles: bool = False) -> str:
+        """What tables show of a column: its `Value`, with quartiles where there are several seeds."""
+        value = self.Value(column, settled)
+        if value is None:
+            return "-"
+        shown = format(value, column.form)
+        found = self.Quartiles(column.settled if settled and column.settled else column.name)
+        if not quartiles or column.is_mean or found is None or found.count == 1:
+            return shown
+        return f"{shown} ({found.low:{column.form}} - {found.high:{column.form}})"
+
 
 def GroupRows(rows: Iterable[dict[str, Any]], by: Sequence[str]) -> list[Group]:
     """Groups rows by some of their columns.
@@ -171,36 +179,36 @@ def SummaryTable(
     *,
     more: Sequence[str | Column] = (),
     headings: dict[str, str] | None = None,
+    details: bool = False,
 ) -> str:
     """One line for each group of seeds, as Markdown.
 
     Args:
         rows: Rows of `EndedRun.Row` or `Evaluate`.
         by: What groups them, see `GroupRows`.
-        more: Names of `COLUMNS`, or columns of one's own, beside `SHOWN`.
+        more: Names of `COLUMNS`, or columns of one's own, beside those that are always shown.
         headings: Those of the columns ``by``, where they are not their names.
+        details: Whether to show quartiles, and why runs failed instead of how many did.
 
     Returns:
         The table: medians over the seeds (of shares, means), of the frames after the first
-        `SETTLED_AFTER` seconds, or of all frames where a run is shorter; the numbers of seeds that
-        are done and, if any did, of those that failed.
+        `SETTLED_AFTER` seconds, or of all frames where a run is shorter; the number of seeds that
+        are done and, if any failed, of those that did.
     """
     groups, settled = GroupRows(rows, by), IsSettled(rows)
     columns = [column for column in COLUMNS if column.shown or column.name in more]
     columns += [column for column in more if isinstance(column, Column)]
     columns = [c for c in columns if any(g.Value(c, settled) is not None for g in groups)]
-    failed = any(group.error for group in groups)
+    last = ["remark" if details else "failed"] * any(group.error for group in groups)
+    names = [(headings or {}).get(name, name) for name in by]
     body = []
     for group in groups:
-        values = (group.Value(column, settled) for column in columns)
-        cells = [
-            "-" if value is None else format(value, column.form)
-            for column, value in zip(columns, values, strict=True)
-        ]
-        missing = [len(group.rows) - len(group.done)] * failed
-        body.append([*map(_Cell, group.labels.values()), len(group.done), *cells, *missing])
-    names = [(headings or {}).get(name, name) for name in by]
-    header = [*names, "seeds", *(column.title for column in columns), *["failed"] * failed]
+        cells = [group.Cell(column, settled, quartiles=details) for column in columns]
+        remark = html.escape(group.error or "", quote=False).replace("|", "\\|")
+        failed = remark if details else str(len(group.rows) - len(group.done))
+        labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in group.labels.values()]
+        body.append([*labels, len(group.done), *cells, *[failed] * len(last)])
+    header = [*names, "seeds", *(column.title for column in columns), *last]
     frames = (
         f"the frames after the first {SETTLED_AFTER:g} s" if settled
         else f"all frames with the search at the start, for want of {SETTLED_AFTER:g} s"
@@ -223,10 +231,6 @@ def MarkdownTable(rows: Sequence[dict[str, Any]]) -> str:
     return SummaryTable(
         rows, ("omega", "method"), more=_PAPERS, headings={"omega": "omega [rad/s]"}
     )
-
-
-def _Cell(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 # Files.

@@ -20,7 +20,7 @@ from mffdrake.recognition.parameters import (
     Vector3,
     parameters,
 )
-from mffdrake.recognition.poses.rotation_parameters import RpyDeg
+from mffdrake.recognition.parameters.rotations import RpyDeg
 from mffdrake.systems.arms.hand_path import HandPath
 from mffdrake.systems.control.pd_gains import Gains, LightlyDamped
 from mffdrake.systems.control.visual_servo import ServoParameters

@@ -22,8 +22,8 @@ from mffdrake.recognition.parameters import (
     read_parameters,
     unknown_key,
 )
+from mffdrake.recognition.parameters.rotations import AngleAxisDeg, Identity, RpyDeg
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
-from mffdrake.recognition.poses.rotation_parameters import AngleAxisDeg, Identity, RpyDeg
 
 __all__ = ["DumpRig", "LoadRig", "RigError"]
 

@@ -22,7 +22,7 @@ from mffdrake.recognition.fitness.structs import Scene
 from mffdrake.recognition.poses.cholesky import factor, invert, solve
 from mffdrake.recognition.refinement.borders import BORDER, Borders
 from mffdrake.recognition.refinement.edge_lines import Lines
-from mffdrake.recognition.refinement.residuals import fix_gauge, linearize
+from mffdrake.recognition.refinement.gauss_newton import fix_gauge, linearize
 
 Array = NDArray[np.float64]
 

@@ -28,10 +28,11 @@ from mffdrake.recognition.refinement.gauss_newton import (
     Equations,
     Measurements,
     Stopping,
+    fix_gauge,
+    linearize,
     minimize,
 )
 from mffdrake.recognition.refinement.outcome import Outcome
-from mffdrake.recognition.refinement.residuals import fix_gauge, linearize
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,12 @@ from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_filter import NUM_NUMBERS, PoseFilter
 from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
-from mffdrake.systems.vision import covariance_port
-from mffdrake.systems.vision.tracker_checks import CheckGeneration, CheckTracker
+from mffdrake.systems.vision.estimates import (
+    CheckGeneration,
+    CheckTracker,
+    CovarianceFromVector,
+    CovarianceToVector,
+)
 
 __all__ = ["OneStepGaRecognizer", "PoseRecognizer"]
 
@@ -202,7 +206,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         discrete_state.set_value(self._frame_time, [context.get_time()])
         discrete_state.set_value(self._poses, generation.poses.reshape(-1))
         discrete_state.set_value(self._fitness, generation.fitness)
-        discrete_state.set_value(self._covariance, covariance_port.ToVector(generation.covariance))
+        discrete_state.set_value(self._covariance, CovarianceToVector(generation.covariance))
         discrete_state.set_value(self._gains, generation.gains)
         g = generation
         discrete_state.set_value(
@@ -234,7 +238,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         return Generation(
             poses,
             numbers(self._fitness),
-            covariance_port.FromVector(covariance),
+            CovarianceFromVector(covariance),
             (red, green, blue),
             TrackingState(int(state)),
             confidence,

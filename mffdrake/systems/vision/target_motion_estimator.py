@@ -30,7 +30,7 @@ from mffdrake.recognition.poses.pose_filter import (
 )
 from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
-from mffdrake.systems.vision import covariance_port
+from mffdrake.systems.vision.estimates import CovarianceFromVector
 
 __all__ = ["EstimatorParameters", "TargetMotionEstimator"]
 
@@ -262,7 +262,7 @@ class TargetMotionEstimator(LeafSystem):
         """The recognized pose in the world."""
         p, pose = self._parameters, self._pose.Eval(context)
         unfit = max(p.least_unfit, 1.0 - self._fitness.Eval(context)[0])
-        C = covariance_port.FromVector(self._pose_covariance.Eval(context))
+        C = CovarianceFromVector(self._pose_covariance.Eval(context))
         systematic = np.zeros((6, 6))
         if C is None:
             R, r = transform_from_pose(pose)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator, Sequence
 
 from mffdrake.experiment.paper.paper_numbers import (
@@ -15,8 +14,8 @@ from mffdrake.experiment.paper.paper_numbers import (
 from mffdrake.experiment.paper.report.figures import AXIS_LABELS, ShownWindow
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS
 from mffdrake.experiment.paper.study import FindGroup, QuartilesOf, Reproduction, Study
-from mffdrake.experiment.runs.table import SHOWN, Group, Markdown, Quartiles
-from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Column
+from mffdrake.experiment.runs.table import Group, Markdown, Quartiles, SummaryTable
+from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER
 from mffdrake.experiment.simulation.style import METHOD_NAMES
 from mffdrake.systems.control.oscillation import FitOscillation
 
@@ -85,40 +84,9 @@ def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: b
 
 
 def StudyTable(summary: Sequence[Group], study: Study) -> str:
-    """One line for each of a study's variants.
-
-    Returns:
-        The table: mean fitness, position and rotation error with quartiles, the other figures that
-        every table shows, number of seeds, and why there are no numbers where there are none.
-    """
-    window = ShownWindow(summary)
-    groups = [group for group in summary if group.labels["study"] == study.name]
-    cells = ("mean_fitness", "position_mm", "rotation_deg")
-    more = [
-        column for column in SHOWN
-        if column.name.removeprefix("rms.") not in cells
-        and any(group.Value(column, window == "settled") is not None for group in groups)
-    ]  # fmt: skip
-    titles = (column.title for column in more)
-    header = ["variant", *(AXIS_LABELS[cell] for cell in cells), *titles, "seeds", "remark"]
-    rows = [
-        [
-            group.labels["label"],
-            *(_WithQuartiles(cell, QuartilesOf(group, cell, window)) for cell in cells),
-            *(_Shown(column, group, window) for column in more),
-            str(len(group.done)),
-            html.escape(group.error or "", quote=False).replace("|", "\\|"),
-        ]
-        for group in groups
-    ]
-    if not any(row[-1] for row in rows):
-        header, rows = header[:-1], [row[:-1] for row in rows]
-    return Markdown(header, rows)
-
-
-def _Shown(column: Column, group: Group, window: str) -> str:
-    value = group.Value(column, window == "settled")
-    return "-" if value is None else format(value, column.form)
+    """One line for each of a study's variants: figures with quartiles, and why there are none."""
+    rows = [row for group in summary if group.labels["study"] == study.name for row in group.rows]
+    return SummaryTable(rows, ["label"], headings={"label": "variant"}, details=True)
 
 
 def OscillationTable(reproduction: Reproduction) -> str:

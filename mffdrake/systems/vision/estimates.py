@@ -1,12 +1,20 @@
-"""Checks of what a pose estimator says of itself, and of what it returns."""
+"""What a pose estimator says of itself and returns, checked, and its covariance in ports.
+
+Ports and states are vectors: NaN tells there that a pose has no covariance.
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mffdrake.recognition import Generation, Tracker
 
-__all__ = ["CheckGeneration", "CheckTracker"]
+__all__ = ["CheckGeneration", "CheckTracker", "CovarianceFromVector", "CovarianceToVector"]
+
+Array = NDArray[np.float64]
 
 
 def CheckTracker(tracker: Tracker) -> None:
@@ -39,3 +47,32 @@ def CheckGeneration(generation: Generation, tracker: Tracker, method: str) -> No
             f"{where} returned poses or fitness that are not finite; where nothing is found, "
             "return the carried poses with fitness 0"
         )
+
+
+def CovarianceToVector(covariance: Array | None) -> Array:
+    """The numbers of a pose vector's covariance.
+
+    Args:
+        covariance: Shape (6, 6); None where it is not known.
+
+    Returns:
+        Row by row, shape (36,); NaN where it is not known.
+
+    Example:
+        >>> np.isnan(CovarianceToVector(None)).all()
+        np.True_
+    """
+    return np.full(36, math.nan) if covariance is None else covariance.reshape(36)
+
+
+def CovarianceFromVector(numbers: Array) -> Array | None:
+    """The inverse of `CovarianceToVector`.
+
+    Args:
+        numbers: Shape (36,).
+
+    Example:
+        >>> CovarianceFromVector(CovarianceToVector(np.eye(6)))[0]
+        array([1., 0., 0., 0., 0., 0.])
+    """
+    return None if math.isnan(numbers[0]) else numbers.reshape(6, 6)

@@ -1,1 +1,0 @@
-"""Recordings: images with their rig and its motion; written from scenarios, and tracked."""
