@@ -21,6 +21,7 @@ from mffdrake.experiment.runs.table import (
     WriteRows,
 )
 from mffdrake.experiment.scenario.scenario import LoadScenario
+from mffdrake.experiment.simulation import evaluation
 from mffdrake.experiment.simulation.evaluation import SETTLED_AFTER, Column, Evaluate
 from mffdrake.experiment.simulation.recovery import RECOVERY
 from mffdrake.experiment.simulation.simulation import SimulationResult

@@ -113,7 +113,7 @@ class Group:
         return None
 
     def Cell(self, column: Column, settled: bool, *, quartiles: bool = False) -> str:
-        """What tables show of a column: its `Value`, with quartiles where there are several seeds."""
+        """What tables show of a column: its `Value`, with quartiles if there are several seeds."""
         value = self.Value(column, settled)
         if value is None:
             return "-"
