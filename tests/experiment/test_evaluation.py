@@ -349,7 +349,7 @@ def test_one_line_adds_a_figure_to_every_row_file_and_table(tmp_path, monkeypatc
     assert [row["jitter"] for row in rows] == [0.25, 0.25]
     WriteRows(rows, tmp_path / "results.csv")
     header = (tmp_path / "results.csv").read_text().splitlines()[0]
-    assert '"jitter"' in header.split(",")
+    assert "jitter" in header.split(",")
     plan = [PlannedRun(scenario=LoadScenario(text="seed: 3"), labels={"a": 1})]
     ended = [EndedRun(run=plan[0], record=Record(row=rows[0]))]
     assert MakeTable(plan, ended)["jitter"].to_pylist() == [0.25]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import json
 from collections.abc import Iterable, Sequence
@@ -283,11 +284,16 @@ def WriteTable(table: pa.Table, path: Path) -> None:
         table: See `MakeTable`.
         path: The file; its suffix is one of `FORMATS`.
     """
-    from pyarrow import csv, parquet
+    from pyarrow import parquet
 
-    write = {".parquet": parquet.write_table, ".csv": csv.write_csv}[path.suffix]
     with WholeFile(path) as part:
-        write(table, str(part))
+        if path.suffix == ".parquet":
+            parquet.write_table(table, str(part))
+            return
+        with part.open("w", newline="", encoding="utf-8") as file:  # Quotes where they are needed.
+            writer = csv.writer(file)
+            writer.writerow(table.column_names)
+            writer.writerows(row.values() for row in table.to_pylist())
 
 
 def WriteRows(rows: Sequence[dict[str, Any]], path: Path) -> None:
