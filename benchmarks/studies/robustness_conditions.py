@@ -26,30 +26,32 @@ HALF_VIEW = math.tan(math.radians(0.5 * 45.0)) * DISTANCE  # of an image's heigh
 def out_of_view(edge: tuple[str, float]) -> str:
     """Cameras that sit elsewhere on the hand, so that a share of the target is out of view."""
     side, share = edge
+    x, y = 0.0, HALF_VIEW + (share - 0.5) * HEIGHT
     if side == "left image":  # The left camera sees things farther right than the right one.
-        half_width = HALF_VIEW * 640 / 480
-        x, y = half_width - BASELINE + (share - 0.5) * WIDTH, 0.155
-    else:
-        x, y = 0.0, HALF_VIEW + (share - 0.5) * HEIGHT
+        x, y = HALF_VIEW * 640 / 480 - BASELINE + (share - 0.5) * WIDTH, 0.155
     box = {"x": [x - 0.15, x + 0.15], "y": [y - 0.15, y + 0.15]}
     return f"{{camera: {{p_EC: [{-x}, {-y}, 0]}}, recognizer: {{search_range: {box}}}}}"
+
+
+def image(tag: str) -> Callable[[Any], str]:
+    """A disturbance of the images, with its strength in braces."""
+    return lambda strength: f"disturbances: [!{tag.format(strength)}]"
 
 
 def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
     """Disturbances in runs of a duration T [s]: a strength's scenario, and the strengths."""
     return {
         "none": (lambda s: "{}", {"-": 0}),
-        "motion blur": (lambda s: f"disturbances: [!MotionBlur {{exposure: {s}}}]",
+        "motion blur": (image("MotionBlur {{exposure: {}}}"),
                         {f"{v} ms": v / 1000 for v in (5, 10, 20)}),
-        "noise": (lambda s: f"disturbances: [!GaussianNoise {{deviation: {s}}}]",
+        "noise": (image("GaussianNoise {{deviation: {}}}"),
                   {f"{v} levels": float(v) for v in (5, 10, 20)}),
-        "salt and pepper": (lambda s: f"disturbances: [!SaltAndPepper {{share: {s}}}]",
+        "salt and pepper": (image("SaltAndPepper {{share: {}}}"),
                             {f"{v} %": v / 100 for v in (1, 3, 6)}),
-        "brightness": (lambda s: f"disturbances: [!Brightness {{amplitude: {s}, period: {T}}}]",
+        "brightness": (image(f"Brightness {{{{amplitude: {{}}, period: {T}}}}}"),
                        {f"±{v}": v for v in (0.3, 0.6, 0.8)}),
-        "color temperature": (
-            lambda s: f"disturbances: [!ColorTemperature {{amplitude: {s}, period: {T}}}]",
-            {f"±{v}": v for v in (0.2, 0.4, 0.6)}),
+        "color temperature": (image(f"ColorTemperature {{{{amplitude: {{}}, period: {T}}}}}"),
+                              {f"±{v}": v for v in (0.2, 0.4, 0.6)}),
         # A plate that passes between cameras and target, and is beside it before and after.
         "occluder": (
             lambda s: f"clutter: [!Occluder {{size: [{s}, 0.5, 0.01], amplitude: 0.4, "
@@ -61,19 +63,17 @@ def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
                    {"20 %": -0.014, "40 %": -0.038, "50 %": -0.05}),
         "distractors": (lambda s: f"clutter: [!Distractors {{number: {s}}}]",
                         {str(v): v for v in (6, 12, 20)}),
-        "dropped frames": (lambda s: f"disturbances: [!DroppedFrames {{probability: {s}}}]",
+        "dropped frames": (image("DroppedFrames {{probability: {}}}"),
                            {f"{v} %": v / 100 for v in (5, 10, 20)}),
-        "late frames": (lambda s: f"disturbances: [!LateFrames {{frames: 2, probability: {s}}}]",
+        "late frames": (image("LateFrames {{frames: 2, probability: {}}}"),
                         {f"{v} %": v / 100 for v in (2, 5, 10)}),
         "left and right out of step": (
-            lambda s: "disturbances: [!LateFrames {cameras: [left], frames: 1, "
-            f"probability: {s}}}]", {f"{v} %": v / 100 for v in (5, 20, 100)}),
-        "frozen images": (
-            lambda s: f"disturbances: [!Frozen {{start: {0.3 * T}, duration: {s}}}]",
-            {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
-        "black images": (
-            lambda s: f"disturbances: [!Black {{starts: [{0.3 * T}], duration: {s}}}]",
-            {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
+            image("LateFrames {{cameras: [left], frames: 1, probability: {}}}"),
+            {f"{v} %": v / 100 for v in (5, 20, 100)}),
+        "frozen images": (image(f"Frozen {{{{start: {0.3 * T}, duration: {{}}}}}}"),
+                          {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
+        "black images": (image(f"Black {{{{starts: [{0.3 * T}], duration: {{}}}}}}"),
+                         {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
         "encoder noise": (lambda s: f"encoders: {{noise_deg: {s}}}",
                           {f"{v} deg": v for v in (0.02, 0.05, 0.1)}),
         "encoder offset": (

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-COLORS = {"ga": "tab:orange", "mff": "tab:blue", "true pose": "0.4"}
+from mffdrake.experiment.simulation.style import METHOD_COLORS
+
+COLORS = {**METHOD_COLORS, "true pose": "0.4"}
 
 
 def decay(curves: Mapping[str, tuple[np.ndarray, np.ndarray]], label: str) -> Figure:
