@@ -11,7 +11,6 @@ from typing import Any
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
 from mffdrake.recognition.parameters.yaml_text import ReadYaml
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MOTIONS = {"path": "the paper's path at 0.314 rad/s", "shaking": "the shaking hand"}
 RECOGNIZER = "{renderer: flat, recognizer: {refinement: borders, start: random}}"
 ALL = "all together"
@@ -35,7 +34,7 @@ def out_of_view(edge: tuple[str, float]) -> str:
 
 def image(tag: str) -> Callable[[Any], str]:
     """A disturbance of the images, with its strength in braces."""
-    return lambda strength: f"disturbances: [!{tag.format(strength)}]"
+    return f"disturbances: [!{tag}]".format
 
 
 def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
@@ -58,9 +57,8 @@ def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
             f"start: {0.3 * T}, duration: {0.4 * T}}}]",
             {"3 cm wide": 0.03, "10 cm wide": 0.1, "30 cm, hides all": 0.3}),
         # A plate that stands in the line of sight; its upper edge, in the target's frame.
-        "hidden": (lambda s: "clutter: [!Occluder {size: [0.8, 0.3, 0.01], amplitude: 0, "
-                   f"center: [0, {s + 0.15}, -0.3]}}]",
-                   {"20 %": -0.014, "40 %": -0.038, "50 %": -0.05}),
+        "hidden": (lambda s: "clutter: [!Occluder {size: [0.8, 0.3, 0.01], amplitude: 0, center: "
+                   f"[0, {s + 0.15}, -0.3]}}]", {"20 %": -0.014, "40 %": -0.038, "50 %": -0.05}),
         "distractors": (lambda s: f"clutter: [!Distractors {{number: {s}}}]",
                         {str(v): v for v in (6, 12, 20)}),
         "dropped frames": (image("DroppedFrames {{probability: {}}}"),
@@ -74,8 +72,8 @@ def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
                           {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
         "black images": (image(f"Black {{{{starts: [{0.3 * T}], duration: {{}}}}}}"),
                          {f"{v} s": v for v in (0.2, 0.5, 1.0)}),
-        "encoder noise": (lambda s: f"encoders: {{noise_deg: {s}}}",
-                          {f"{v} deg": v for v in (0.02, 0.05, 0.1)}),
+        "encoder noise": (
+            "encoders: {{noise_deg: {}}}".format, {f"{v} deg": v for v in (0.02, 0.05, 0.1)}),
         "encoder offset": (
             lambda s: f"encoders: {{offset_deg: {[s * (-1) ** joint for joint in range(7)]}}}",
             {f"{v} deg": v for v in (0.1, 0.3, 1.0)}),
@@ -83,13 +81,13 @@ def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
             lambda s: f"predictor: {{hand_eye_error_deg: {3 * [float(s)]}, "
             f"hand_eye_error: {3 * [s / 200]}}}",
             {f"{v} deg, {5 * v} mm": v for v in (1, 3, 6)}),
-        "focal error": (lambda s: f"calibration: {{focal_error: {s}}}",
-                        {f"{v} %": v / 100 for v in (0.1, 0.2, 0.3)}),
-        "baseline error": (lambda s: f"calibration: {{baseline_error: {s}}}",
+        "focal error": (
+            "calibration: {{focal_error: {}}}".format, {f"{v} %": v / 100 for v in (0.1, 0.2, 0.3)}),
+        "baseline error": ("calibration: {{baseline_error: {}}}".format,
                            {f"{v} mm": v / 1000 for v in (0.15, 0.3, 0.45)}),
-        "out of view": (out_of_view, {"a quarter": ("lower edge", 0.25),
-                                      "a half": ("lower edge", 0.5),
-                                      "a half, left only": ("left image", 0.5)}),
+        "out of view": (
+            out_of_view, {"a quarter": ("lower edge", 0.25), "a half": ("lower edge", 0.5),
+                          "a half, left only": ("left image", 0.5)}),
     }  # fmt: skip
 
 
@@ -102,8 +100,7 @@ def conditions(duration: float) -> Iterator[tuple[str, str, dict[str, Any]]]:
             yield group, label, changes
             if k == 0 and group not in APART:
                 together = _add(together, changes)
-    # First what happens before the sensor, the shutter among these first of all.
-    before = ("MotionBlur", "Brightness", "ColorTemp")
+    before = ("MotionBlur", "Brightness", "ColorTemp")  # what happens before the sensor
     together["disturbances"].sort(key=lambda one: not any(name in str(one) for name in before))
     yield ALL, "the weakest of each", together
 
@@ -112,15 +109,14 @@ def _add(data: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
     """Both mappings; lists one behind the other."""
     result = copy.deepcopy(data)
     for key, value in more.items():
-        if isinstance(value, dict):
-            result[key] = _add(result.get(key, {}), value)
-        else:
-            result[key] = result.get(key, []) + value if isinstance(value, list) else value
+        lists = result.get(key, []) + value if isinstance(value, list) else value
+        result[key] = _add(result.get(key, {}), value) if isinstance(value, dict) else lists
     return result
 
 
 def motion(name: str, duration: float) -> Scenario:
     """The undisturbed scenario of a motion."""
-    file = SCENARIOS / "shaking_hand.yaml" if name == "shaking" else None
-    omega = {"hand_path.omega": 0.314} if name == "path" else {}
-    return Change(LoadScenario(file, RECOGNIZER), {"duration": duration, **omega})
+    if name == "shaking":
+        file = Path(__file__).parents[2] / "scenarios" / "shaking_hand.yaml"
+        return Change(LoadScenario(file, RECOGNIZER), {"duration": duration})
+    return Change(LoadScenario(text=RECOGNIZER), {"duration": duration, "hand_path.omega": 0.314})
