@@ -13,10 +13,8 @@ from mffdrake.recognition.parameters.yaml_text import ReadYaml
 
 MOTIONS = {"path": "the paper's path at 0.314 rad/s", "shaking": "the shaking hand"}
 RECOGNIZER = "{renderer: flat, recognizer: {refinement: borders, start: random}}"
-ALL = "all together"
-# Of these, "all together" has none: they last for a while, or leave less of the target.
+# "All together" has none of these: they last for a while, or leave less of the target.
 APART = ("frozen images", "black images", "hidden", "out of view")
-
 # The target's center stands so far in front of the cameras [m], and so high and wide it is [m].
 DISTANCE, HEIGHT, WIDTH, BASELINE = 0.8, 0.15, 0.10, 0.15
 HALF_VIEW = math.tan(math.radians(0.5 * 45.0)) * DISTANCE  # of an image's height, there [m]
@@ -102,7 +100,7 @@ def conditions(duration: float) -> Iterator[tuple[str, str, dict[str, Any]]]:
                 together = _add(together, changes)
     before = ("MotionBlur", "Brightness", "ColorTemp")  # what happens before the sensor
     together["disturbances"].sort(key=lambda one: not any(name in str(one) for name in before))
-    yield ALL, "the weakest of each", together
+    yield "all together", "the weakest of each", together
 
 
 def _add(data: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
