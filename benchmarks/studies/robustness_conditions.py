@@ -79,8 +79,8 @@ def groups(T: float) -> dict[str, tuple[Callable[[Any], str], dict[str, Any]]]:
             lambda s: f"predictor: {{hand_eye_error_deg: {3 * [float(s)]}, "
             f"hand_eye_error: {3 * [s / 200]}}}",
             {f"{v} deg, {5 * v} mm": v for v in (1, 3, 6)}),
-        "focal error": (
-            "calibration: {{focal_error: {}}}".format, {f"{v} %": v / 100 for v in (0.1, 0.2, 0.3)}),
+        "focal error": ("calibration: {{focal_error: {}}}".format,
+                        {f"{v} %": v / 100 for v in (0.1, 0.2, 0.3)}),
         "baseline error": ("calibration: {{baseline_error: {}}}".format,
                            {f"{v} mm": v / 1000 for v in (0.15, 0.3, 0.45)}),
         "out of view": (
