@@ -15,7 +15,8 @@ from mkdocs.plugins import event_priority
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
 from public_names import ROOT, by_room  # noqa: E402
 
 PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
@@ -43,6 +44,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in notebooks():
         name, urls = f"notebooks/{path.name}", config.use_directory_urls
         files.append(File(name, str(ROOT), config.site_dir, urls))
+    files.append(File("site.css", str(HERE), config.site_dir, config.use_directory_urls))
     for source, name in PAGES.items():
         files.append(File.generated(config, name, content=(ROOT / source).read_text("utf-8")))
     for room, names in by_room().items():
@@ -113,7 +115,9 @@ def show_source(path: str) -> str:
     """A file's text as a page; a folder's names."""
     place = ROOT / path
     if place.is_dir():
-        names = sorted(f"- `{inner.name}`" for inner in place.iterdir() if inner.name[0] not in "._")
+        names = sorted(
+            f"- `{inner.name}`" for inner in place.iterdir() if inner.name[0] not in "._"
+        )
         return "\n".join([f"{HIDDEN}# {path}\n", *names, ""])
     language = LANGUAGES.get(place.suffix, "text")
     return f"{HIDDEN}# {path}\n\n~~~~~~{language}\n{place.read_text(encoding='utf-8')}\n~~~~~~\n"

@@ -18,7 +18,7 @@ import griffe
 import yaml
 
 sys.path.insert(0, str(Path(__file__).parent))
-from public_names import public_names  # noqa: E402
+from public_names import public_names
 
 BLOCK = re.compile(r"^\.\. pydrake_system::\n((?:[ ]+.*\n|\n)+)", flags=re.MULTILINE)
 PORTS = re.compile(r"^Ports:\n((?:[ ]+.*(?:\n|\Z)|\n)+)", flags=re.MULTILINE)
