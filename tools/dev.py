@@ -81,6 +81,7 @@ def main(arguments: list) -> int:
     # Packages from elsewhere (a sourced ROS sets PYTHONPATH) must not mix with those of .venv.
     os.environ.pop("PYTHONPATH", None)
     os.environ.pop("PYTHONHOME", None)
+    os.environ.pop("DEV_VENV", None)  # The tests run dev.py, too.
     with one_setup_at_a_time():
         set_up_system(draws)
         set_up_venv(extras)
@@ -282,9 +283,8 @@ def set_up_venv(extras: set) -> None:
     # An extra that was asked for once stays, or test and lab would install in turns.
     wanted["extras"] = sorted(extras.union(stamp.get("extras", [])))
     project = f".[{','.join(wanted['extras'])}]"
-    say(
-        f"installing {project} and what it needs in {os.path.basename(VENV)} (up to a few minutes, about 1 GB)"
-    )
+    place = os.path.basename(VENV)
+    say(f"installing {project} and what it needs in {place} (up to a few minutes, about 1 GB)")
     pip = [venv_python(), "-m", "pip", "--disable-pip-version-check", "--no-input"]
     if not run_quietly([*pip, "install", "--quiet", "--editable", project]):
         raise SystemExit(1)

@@ -42,7 +42,7 @@ def draw(path):
     )  # fmt: skip
     for axes, (title, cameras, cloud) in zip(figure.subplots(1, 3), panels, strict=True):
         axes.fill(*(TARGET + BOX).T, color="C2", alpha=0.35)
-        axes.text(*(TARGET + [0.09, 0.05]), "M", color="C2", fontsize=12)
+        axes.text(0.09, 0.85, "M", color="C2", fontsize=12)
         for camera, name, color in cameras:
             draw_camera(axes, camera, name, color)
         axes.plot(*cloud.T, "x", color="C3", ms=5)

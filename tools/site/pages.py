@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.plugins import event_priority
+from mkdocs.plugins import CombinedEvent, event_priority
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -21,6 +21,7 @@ from public_names import ROOT, by_room  # noqa: E402
 
 PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 LINK = re.compile(r"(?<=\]\()([^)\s#]+)(?=[)#])")
+CODE = re.compile(r"(^```.*?^```)", flags=re.DOTALL | re.MULTILINE)
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".csv": "text", ".toml": "toml"}
 HIDDEN = "---\nsearch: {exclude: true}\n---\n\n"
 
@@ -39,7 +40,7 @@ def on_config(config: MkDocsConfig) -> None:
 
 
 @event_priority(100)  # before mkdocs-jupyter looks for notebooks
-def on_files(files: Files, config: MkDocsConfig) -> Files:
+def add_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages."""
     for path in notebooks():
         name, urls = f"notebooks/{path.name}", config.use_directory_urls
@@ -53,20 +54,37 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {f.src_uri: f.content_string for f in files if f.src_uri.endswith(".md")}
     for outside in sorted({path for page in pages.items() for path in outside_links(*page)}):
         name = source_page(outside)
-        if name not in pages:
+        if files.get_file_from_path(name) is None:
             files.append(File.generated(config, name, content=show_source(outside)))
     return files
 
 
+@event_priority(-100)  # after it
+def name_notebooks(files: Files, config: MkDocsConfig) -> Files:
+    """Gives notebooks a browser's ending, which mkdocs-jupyter forgets for pages on the disk."""
+    for file in files:
+        if file.src_uri.endswith(".ipynb"):
+            file.dest_uri = file.url = file.src_uri.replace(".ipynb", ".html")
+            file.abs_dest_path = str(Path(config.site_dir) / file.dest_uri)
+    return files
+
+
+on_files = CombinedEvent(add_files, name_notebooks)
+
+
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Leads links to files outside docs to their pages."""
+    """Leads links to files outside docs to their pages; indents inner lists as mkdocs wants it."""
     folder = posixpath.dirname(page.file.src_uri)
 
     def lead(match: re.Match) -> str:
         outside = outside_path(match[1], page.file.src_uri)
         return posixpath.relpath(source_page(outside), folder or ".") if outside else match[1]
 
-    return LINK.sub(lead, markdown)
+    if page.file.src_uri.startswith("source/"):
+        return markdown
+    parts = CODE.split(LINK.sub(lead, markdown))  # texts at even places, code at odd ones
+    parts[::2] = [re.sub(r"^  (?=- )", "    ", text, flags=re.MULTILINE) for text in parts[::2]]
+    return "".join(parts)
 
 
 def notebooks() -> list[Path]:
