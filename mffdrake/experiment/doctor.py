@@ -129,9 +129,10 @@ def _Libraries() -> Iterator[Finding]:
 def _Extras() -> Iterator[Finding]:
     """The optional extras of the package."""
     for extra in sorted(metadata("mffdrake").get_all("Provides-Extra") or []):
-        lacks = [_Lack(requirement) for requirement in _Requirements(extra)]
-        missing = "; ".join(lack for lack in lacks if lack)
-        remedy = f"{sys.executable} -m pip install 'mffdrake[{extra}]'" if missing else ""
+        lacks = {str(one): lack for one in _Requirements(extra) if (lack := _Lack(one))}
+        missing = "; ".join(lacks.values())
+        named = " ".join(f"'{one}'" for one in lacks)
+        remedy = f"{sys.executable} -m pip install {named}" if lacks else ""
         yield Finding(f"[{extra}]", missing or "there", remedy, needed=False)
 
 
