@@ -141,12 +141,15 @@ def _Requirements(extra: str = "") -> list[Requirement]:
     from packaging.requirements import Requirement
 
     stated = map(Requirement, metadata("mffdrake").get_all("Requires-Dist") or [])
-    return [
-        Requirement(f"{one.name}{one.specifier}")
+    wanted = [
+        one
         for one in stated
         if (one.marker is None or one.marker.evaluate({"extra": extra}))
         and ("extra" in str(one.marker)) == bool(extra)
     ]
+    for one in wanted:
+        one.marker = None  # It has been answered, and pip need not be asked again.
+    return wanted
 
 
 def _Lack(requirement: Requirement) -> str:
