@@ -28,14 +28,23 @@ BENCH = [["benchmarks", "performance"]]
 TEST = [["-m", "pytest", "-n", "logical", "--dist", "worksteal"]]
 LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "mypy"]]
 LAB = [["-m", "jupyterlab", "notebooks"]]
+DOCS = [["-m", "mkdocs", "build", "--strict"]]
+TEST_ALL = [["tools/test_all.py"]]
 
 # Target: what it does, its commands, the project's extras they need, and whether they draw.
 TARGETS = {
     "demo": ("the paper's figures and table from one seed: out/report.html", DEMO, {"dev"}, True),
     "quick-demo": ("one run with motion feedforward and one without", QUICK_DEMO, {"dev"}, True),
     "test": ("all tests; ARGS='-k tracker' for some", TEST, {"dev"}, True),
+    "test-all": (
+        "all tests on each Python from 3.11 to 3.13 that is there",
+        TEST_ALL,
+        {"dev"},
+        True,
+    ),
     "lint": ("style, format and types", LINT, {"dev"}, False),
     "bench": ("times everything: docs/studies/performance.md (ten minutes)", BENCH, {"dev"}, True),
+    "docs": ("the documentation: out/site/index.html", DOCS, {"docs"}, False),
     "lab": ("the notebooks, in JupyterLab", LAB, {"dev", "notebooks"}, True),
 }
 
@@ -45,7 +54,7 @@ VERSION = f"{sys.version_info[0]}.{sys.version_info[1]}"
 GRAPHICS_PACKAGES = ["libglib2.0-0", "libegl1", "libgl1-mesa-dri"]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-VENV = os.path.join(ROOT, ".venv")
+VENV = os.path.join(ROOT, os.environ.get("DEV_VENV", ".venv"))  # test_all.py has one a Python
 PROBE = os.path.join(ROOT, "mffdrake", "systems", "rendering", "graphics_probe.py")
 
 
@@ -72,6 +81,7 @@ def main(arguments: list) -> int:
     # Packages from elsewhere (a sourced ROS sets PYTHONPATH) must not mix with those of .venv.
     os.environ.pop("PYTHONPATH", None)
     os.environ.pop("PYTHONHOME", None)
+    os.environ.pop("DEV_VENV", None)  # The tests run dev.py, too.
     with one_setup_at_a_time():
         set_up_system(draws)
         set_up_venv(extras)
@@ -266,13 +276,15 @@ def set_up_venv(extras: set) -> None:
         os.remove(stamp_path(VENV))
     same_place = all(stamp.get(key, wanted[key]) == wanted[key] for key in ("python", "root"))
     if not (works and same_place):
-        say(f"{'rebuilding' if os.path.lexists(VENV) else 'making'} .venv with Python {VERSION}")
+        does = "rebuilding" if os.path.lexists(VENV) else "making"
+        say(f"{does} {os.path.basename(VENV)} with Python {VERSION}")
         if not run_quietly([base_python(), "-m", "venv", "--clear", VENV]):
             raise SystemExit(1)
     # An extra that was asked for once stays, or test and lab would install in turns.
     wanted["extras"] = sorted(extras.union(stamp.get("extras", [])))
     project = f".[{','.join(wanted['extras'])}]"
-    say(f"installing {project} and what it needs in .venv (up to a few minutes, about 1 GB)")
+    place = os.path.basename(VENV)
+    say(f"installing {project} and what it needs in {place} (up to a few minutes, about 1 GB)")
     pip = [venv_python(), "-m", "pip", "--disable-pip-version-check", "--no-input"]
     if not run_quietly([*pip, "install", "--quiet", "--editable", project]):
         raise SystemExit(1)

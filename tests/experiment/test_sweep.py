@@ -503,9 +503,9 @@ def test_the_example_grids_and_scenarios_load_and_can_be_run():
         CheckScenario(LoadScenario(file))
 
 
-def test_the_grid_file_in_the_readme_loads(tmp_path):
-    readme = Path(__file__).parents[2] / "README.md"
-    found = re.findall(r"```yaml\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+def test_the_grid_file_of_the_page_loads(tmp_path):
+    page = Path(__file__).parents[2] / "docs" / "howto" / "sweeps.md"
+    found = re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     (text,) = [block for block in found if "\ngrid:" in block]
     (tmp_path / "grid.yaml").write_text(text)
     assert len(LoadGrid(tmp_path / "grid.yaml").runs) == 30

@@ -80,7 +80,7 @@ def _MakeParser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         dest="command",
         required=True,
-        metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema",
+        metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema|doctor",
     )
     commands.add_parser("run", parents=[*pictures, path], help="one simulation")
     servo = commands.add_parser(
@@ -139,6 +139,7 @@ def _MakeParser() -> argparse.ArgumentParser:
     )  # fmt: skip
     commands.add_parser("defaults", help="print the default scenario with a comment on every key")
     commands.add_parser("schema", help="print a JSON Schema of scenario files, for editors")
+    commands.add_parser("doctor", help="say whether this machine has all that is needed")
     return parser
 
 
@@ -248,10 +249,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; the process's own by default.
 
     Returns:
-        The exit status: 0, 1 when runs of a sweep or a reproduction failed, 2 after a message on
+        The exit status: 0, 1 when runs of a sweep or a reproduction failed or something needed is
+        missing (doctor), 2 after a message on
         bad input, or 130 after an interrupt.
     """
     options = _MakeParser().parse_args(arguments)
+    if options.command == "doctor":  # What the other commands import may be what is broken.
+        return _PrintDiagnosis()
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
     # Drake takes a moment to load. An interrupt in the midst of that would come out as an import
     # error, so it ends the process as if there was none.
@@ -300,6 +304,14 @@ def _PrintDocs(options: argparse.Namespace) -> int:
     else:
         print(commented_yaml(Scenario()), end="")
     return 0
+
+
+def _PrintDiagnosis() -> int:
+    from mffdrake.experiment.doctor import Diagnose, Report
+
+    findings = Diagnose()
+    print(Report(findings))
+    return int(any(finding.mark == "BAD" for finding in findings))
 
 
 def _WithScenario(command: Callable[..., int]) -> Callable[[argparse.Namespace], int]:

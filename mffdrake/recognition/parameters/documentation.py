@@ -24,7 +24,7 @@ def json_schema(cls: type) -> dict[str, Any]:
     """A JSON Schema of files with parameters, with what the keys mean, for editors.
 
     YAML's tags are none of JSON Schema's business: an editor checks what is below a tag. (It must
-    be told to accept tags; see the README.)
+    be told to accept tags; see docs/howto/command_line.md.)
 
     Args:
         cls: The class of all of a file's parameters.

@@ -369,9 +369,9 @@ def test_rig_errors_are_value_errors():
     assert issubclass(RigError, ValueError)
 
 
-def test_the_rig_file_in_the_readme_loads(tmp_path):
-    readme = Path(__file__).resolve().parents[3] / "README.md"
-    found = re.findall(r"```yaml\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+def test_the_rig_file_of_the_page_loads(tmp_path):
+    page = Path(__file__).resolve().parents[3] / "docs" / "howto" / "recordings.md"
+    found = re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     (text,) = [block for block in found if block.startswith("cameras:")]
     calibration(tmp_path, "front.yaml")
     rig = load(tmp_path, text)
