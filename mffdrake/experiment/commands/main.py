@@ -153,7 +153,6 @@ def _AddImageCommands(commands: Any) -> None:
     """Adds the commands that work on images: track and colors."""
     images = _Parser(add_help=False)
     add = images.add_argument
-    add("--rig", metavar="RIG.yaml", help="file with the cameras; a --recording may bring them")
     add("--target", metavar="MESH", required=True, help="closed, colored mesh, e.g. OBJ")
     add("--verbose", action="store_true", help="say more on the way")
     track = commands.add_parser(
@@ -162,6 +161,7 @@ def _AddImageCommands(commands: Any) -> None:
         "poses.csv, poses.tum, track.json and pictures to --out.",
     )  # fmt: skip
     add = track.add_argument
+    add("--rig", metavar="RIG.yaml", help="file with the cameras; a --recording may bring them")
     add(
         "--recording", metavar="FILE",
         help="a recording of ROS, which brings images, cameras and motion: MCAP, a ROS 2 folder or "
@@ -209,6 +209,7 @@ def _AddImageCommands(commands: Any) -> None:
         "example images, one a camera.",
     )  # fmt: skip
     add = colors.add_argument
+    add("--rig", metavar="RIG.yaml", required=True, help="file with the cameras")
     add("--images", metavar="NAME=FILE", nargs="+", required=True, help="a camera's image")
     where = colors.add_mutually_exclusive_group(required=True)
     where.add_argument(
@@ -250,7 +251,8 @@ def _AddPlaces(command: argparse.ArgumentParser, default: str) -> None:
 _COMMANDS = {
     "run": "run.RunOne", "servo": "run.RunServo", "record": "run.RunRecord",
     "compare": "many.RunCompare", "sweep": "many.RunSweep", "reproduce": "many.RunReproduce",
-    "calibrate": "calibrate.RunCalibrate", "track": "track.RunTrack", "colors": "target.RunColors", "target": "target.RunTarget",
+    "track": "track.RunTrack", "colors": "target.RunColors", "target": "target.RunTarget",
+    "calibrate": "calibrate.RunCalibrate",
 }  # fmt: skip
 _OF_A_SCENARIO = ("run", "servo", "record", "compare")
 

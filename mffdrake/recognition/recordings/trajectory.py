@@ -64,8 +64,9 @@ def PoseAt(times: NDArray[Any], poses: Array, when: float) -> Array | None:
         first and after the last one.
 
     Example:
-        >>> PoseAt(np.array([0, 2]), np.array([[1.0, 0, 0, 0, 0, 0], [2.0, 0, 0, 0.6, 0, 0]]), 1)
-        array([1.5       , 0.        , 0.        , 0.31622777, 0.        , 0.        ])
+        >>> poses = np.array([[1.0, 0, 0, 0, 0, 0], [2.0, 0, 0, 0.6, 0, 0]])
+        >>> PoseAt(np.array([0, 2]), poses, 1).round(3)
+        array([1.5  , 0.   , 0.   , 0.316, 0.   , 0.   ])
     """
     k = int(np.searchsorted(times, when))
     if k < len(times) and times[k] == when:
