@@ -82,9 +82,11 @@ class Bag:
         try:
             with AnyReader([self.path], default_typestore=typestore()) as reader:
                 yield reader
-        except (InputError, OSError):
+        except InputError:
             raise
         except Exception as error:  # It raises of everything for a file that is none.
+            if isinstance(error, OSError) and error.errno is not None:
+                raise
             text = " ".join(str(error).split()) or type(error).__name__
             raise RosError(
                 f"{self.path}: not a recording that can be read, which are MCAP files, folders of "
