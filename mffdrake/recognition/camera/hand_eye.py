@@ -31,6 +31,7 @@ _MOST_POSES = 120  # for the closed form, which takes all pairs
 _OUTLIER = 5.0  # times the median residual
 _ITERATIONS = 20
 _STEP = 1e-6
+_LEAST_SIGMA = 1e-9  # m and rad
 
 
 class HandEyeError(InputError, ValueError):
@@ -195,15 +196,16 @@ def _fit(
         # Each kind by its own size: a millimeter is not a milliradian.
         freedom = 1.0 - 12.0 / errors.size
         sigma = np.sqrt(np.mean(errors.reshape(-1, 2, 3) ** 2, axis=(0, 2)) / freedom)
-        weights = np.repeat(1.0 / np.maximum(sigma, (1e-12, 1e-12)), 3)
+        weights = np.repeat(1.0 / np.maximum(sigma, _LEAST_SIGMA), 3)
         J = np.empty((errors.size, 12))
         for k in range(12):
             ahead, behind = (
                 _residuals(hand, seen, *moved(sign * _STEP * np.eye(12)[k])) for sign in (1.0, -1.0)
             )
             J[:, k] = ((ahead - behind) * weights / (2.0 * _STEP)).reshape(-1)
-        step = -np.linalg.lstsq(J, (errors * weights).reshape(-1), rcond=None)[0]
-        covariance = np.asarray(np.linalg.pinv(J.T @ J))
+        back = np.linalg.pinv(J)
+        step = -back @ (errors * weights).reshape(-1)
+        covariance = np.asarray(back @ back.T)
         camera, target = moved(step)
         if np.abs(step).max() < 1e-10:
             break

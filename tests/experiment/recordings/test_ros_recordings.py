@@ -1,6 +1,9 @@
 """Recordings as MCAP files and bags: the circle closes, and others' tools read and write them."""
 
 import csv
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -441,3 +444,20 @@ def test_record_refuses_another_suffix(tmp_path, quickly):
     finished = quickly("record --mcap a.bag --out rec", tmp_path)
     assert finished.returncode == 2
     assert "--mcap a.bag: the file must end in .mcap" in finished.stderr
+
+
+@pytest.mark.parametrize("command", ["record --mcap a.mcap", "{options} --recording rec/rec.mcap"])
+def test_without_the_libraries_one_line_says_what_to_install(mcap, options, command):
+    """In a process that cannot import them."""
+    code = (
+        "import sys; sys.modules['rosbags'] = sys.modules['rosbags.typesys'] = None\n"
+        "from mffdrake.experiment.commands.main import main\n"
+        f"sys.exit(main({shlex.split(command.format(options=options))!r}))"
+    )
+    code = code.replace("['mffdrake', ", "[")
+    finished = subprocess.run(
+        [sys.executable, "-c", code], cwd=mcap[0], capture_output=True, text=True, check=False
+    )
+    assert finished.returncode == 2
+    (line,) = finished.stderr.splitlines()
+    assert "pip install 'mffdrake[ros]'" in line
