@@ -278,7 +278,8 @@ def MotionWarning(tracked: Sequence[TrackedFrame], sure_fitness: float) -> str |
     return (
         f"motion feedforward made the prediction worse than none (median {with_motion:.1f} mm "
         f"against {without:.1f} mm, along the motion): the target seems to move with the cameras; "
-        "leave --motion out, or give the motion relative to the target"
+        "leave --motion out (with a --recording: --motion none), or give the motion relative to "
+        "the target"
     )
 
 

@@ -47,8 +47,11 @@ def decode(message: Any, where: str) -> Image:
     encoding = str(message.encoding).lower()
     if encoding not in _ENCODINGS:
         grey = encoding.startswith("mono") or encoding.endswith("c1")
-        reason = "is grey; colors are needed" if grey else "is of no encoding that is known"
-        raise RosError(f"{where}: an image of encoding '{encoding}' {reason}: {_names()}")
+        reason = "is grey" if grey else "is of no encoding that is known"
+        raise RosError(
+            f"{where}: an image of encoding '{encoding}' {reason}; colors are needed, of "
+            f"{', '.join(_ENCODINGS)}: choose other topics by --images NAME=/TOPIC"
+        )
     channels, conversion = _ENCODINGS[encoding]
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)
@@ -60,7 +63,3 @@ def decode(message: Any, where: str) -> Image:
         return image
     converted: Image = cv2.cvtColor(image, getattr(cv2, f"COLOR_{conversion}"))
     return converted
-
-
-def _names() -> str:
-    return ", ".join(_ENCODINGS)

@@ -45,7 +45,7 @@ class RosRecording:
         stride: Every n-th frame counts.
         frame: Name of the rig's frame.
         summary: What was found, in a line for people.
-        warning: What was left out, in a line for people; empty where nothing was.
+        warning: What was left out or is not known, in a line for people; empty where all is well.
     """
 
     bag: Bag
@@ -164,6 +164,7 @@ def open_recording(
             f"{path}: no images of the cameras {', '.join(topics)} were taken within "
             f"{1e-6 * tolerance:.3g} ms of each other"
         )
+    moves, source = _motion(bag, rig, topics, read, motion)
     total = [len(times) for times in stamps]
     warning = ""
     if set(total) != {len(rows)}:
@@ -173,7 +174,10 @@ def open_recording(
         warning = (
             f"{path}: left out images without a partner within {1e-6 * tolerance:.3g} ms: {left}"
         )
-    moves, source = _motion(bag, rig, topics, read, motion)
+    frames = stamps[0][rows[:, 0]].tolist()
+    unknown = 0 if moves is None else sum(moves(stamp) is None for stamp in frames)
+    if unknown:
+        warning = f"{warning or path}; the motion is not known at {unknown} of {len(frames)} frames"
     listed = ", ".join(f"{name} ({topic})" for name, topic in topics.items())
     return RosRecording(
         bag=bag, rig=rig, topics=topics, stamps=stamps, rows=rows, motion=moves, stride=stride,
@@ -219,6 +223,8 @@ def _read(bag: Bag, topics: Mapping[str, str], motion: str | None) -> _Read:
         else:
             read.poses[message.stamp] = pose_of(message.message)
     for topic, stamps in read.stamps.items():
+        if not stamps:
+            raise RosError(f"{bag.path}: no messages in {topic}")
         if not any(stamps):  # The driver sets none: when it was received is the best there is.
             read.stamps[topic] = received[topic]
     return read

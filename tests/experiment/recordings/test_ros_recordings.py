@@ -371,6 +371,14 @@ def test_the_warning_of_what_was_left_out_is_one_line(mcap, tmp_path):
     assert open_recording(mcap[0] / "rec/rec.mcap").warning == ""
 
 
+def test_a_motion_that_ends_too_early_is_told(mcap):
+    motion = LoadTrajectory(mcap[0] / "rec/motion.tum")
+    short = Trajectory(motion.times[:6], motion.poses[:6])
+    opened = open_recording(mcap[0] / "rec/rec.mcap", motion=short)
+    assert opened.warning.endswith("rec.mcap; the motion is not known at 4 of 10 frames")
+    assert [frame.pose_WC is None for frame in opened] == 6 * [False] + 4 * [True]
+
+
 def test_a_rectified_pair_is_placed_by_its_matrices(mcap, tmp_path):
     messages = [
         (topic.replace("image/", "image_rect_color/"), *rest)
