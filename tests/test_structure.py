@@ -24,7 +24,7 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    *(f"experiment/commands/{name}.py" for name in ("main", "many", "run", "target", "track")),
+    *(f"experiment/commands/{name}.py" for name in ("calibrate", "main", "many", "run", "target", "track")),
     "systems/rendering/graphics_probe.py",
 }  # fmt: skip
 
@@ -61,7 +61,7 @@ def room_imports(room, *forbidden):
 ORDERS = {
     "recognition": [
         "parameters", "poses", "camera", "solid", "visibility", "fitness", "refinement", "genetic",
-        "acquisition", "tracking", "recordings",
+        "acquisition", "tracking", "recordings", "ros",
     ],
     "systems": [
         "cameras", "rendering", "arms", "clutter", "disturbances", "target_motion", "control",

@@ -31,8 +31,8 @@ def on_config(config: MkDocsConfig) -> None:
     assert config.nav is not None
     tabs = {name: pages for entry in config.nav for name, pages in entry.items()}
     tabs["Tutorial"] += [f"notebooks/{path.name}" for path in notebooks()]
-    if (ROOT / "docs" / "ros.md").exists():
-        tabs["How-to"].append({"Recordings and robots of ROS": "ros.md"})
+    if (ROOT / "docs" / "howto" / "ros.md").exists():
+        tabs["How-to"].append({"Recordings and robots of ROS": "howto/ros.md"})
     folders: dict[str, list] = {}
     for room in by_room():
         folders.setdefault(room.split("/")[0], []).append({title_of(room): f"reference/{room}.md"})

@@ -20,6 +20,11 @@ __all__ = [
 ]  # fmt: skip
 
 
+_WRITTEN = {
+    "graphviz": (".svg", ".png"), "replay": (".html",), "mcap": (".mcap",), "mcap_out": (".mcap",),
+}  # fmt: skip
+
+
 class ArgumentsError(InputError, ValueError):
     """An argument of the command line is wrong; the message says how it must be."""
 
@@ -116,11 +121,12 @@ def CheckFiles(options: argparse.Namespace) -> None:
         ArgumentsError: When one has another suffix than it must have, or is a folder.
         OSError: When its folder cannot be written to.
     """
-    for name, suffixes in (("graphviz", (".svg", ".png")), ("replay", (".html",))):
+    for name, suffixes in _WRITTEN.items():
         given = getattr(options, name, None)
         if given is None:
             continue
         if Path(given).suffix not in suffixes:
+            name = name.replace("_", "-")
             raise ArgumentsError(f"--{name} {given}: the file must end in {' or '.join(suffixes)}")
         MakeOutputFolder(Path(given).parent)
         if Path(given).is_dir():

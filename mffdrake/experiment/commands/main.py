@@ -19,6 +19,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any, NoReturn
 
+from mffdrake.experiment.commands.calibrate import AddCalibrate
 from mffdrake.experiment.runs.executors.executors import WorkerDiedError
 from mffdrake.experiment.runs.executors.local_processes import PrepareWorkers
 
@@ -80,7 +81,8 @@ def _MakeParser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(
         dest="command",
         required=True,
-        metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema|doctor",
+        metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|calibrate|defaults|"
+        "schema|doctor",
     )
     commands.add_parser("run", parents=[*pictures, path], help="one simulation")
     servo = commands.add_parser(
@@ -131,12 +133,17 @@ def _MakeParser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _AddPlaces(reproduce, "the number of cores")
     _AddImageCommands(commands)
-    commands.add_parser(
+    record = commands.add_parser(
         "record", parents=[common, renderer, path],
         help="images, rig and motion from a scenario, for track",
         description="Runs a scenario and writes its cameras' images, rig file, motion and true "
         "poses to --out, and prints the command that tracks them.",
     )  # fmt: skip
+    record.add_argument(
+        "--mcap", metavar="FILE.mcap",
+        help="write images, cameras, motion and true poses into one file for ROS 2's tools",
+    )  # fmt: skip
+    AddCalibrate(commands)
     commands.add_parser("defaults", help="print the default scenario with a comment on every key")
     commands.add_parser("schema", help="print a JSON Schema of scenario files, for editors")
     commands.add_parser("doctor", help="say whether this machine has all that is needed")
@@ -147,7 +154,6 @@ def _AddImageCommands(commands: Any) -> None:
     """Adds the commands that work on images: track and colors."""
     images = _Parser(add_help=False)
     add = images.add_argument
-    add("--rig", metavar="RIG.yaml", required=True, help="file with the cameras")
     add("--target", metavar="MESH", required=True, help="closed, colored mesh, e.g. OBJ")
     add("--verbose", action="store_true", help="say more on the way")
     track = commands.add_parser(
@@ -156,15 +162,22 @@ def _AddImageCommands(commands: Any) -> None:
         "poses.csv, poses.tum, track.json and pictures to --out.",
     )  # fmt: skip
     add = track.add_argument
+    add("--rig", metavar="RIG.yaml", help="file with the cameras; a --recording may bring them")
     add(
-        "--images", metavar="NAME=SOURCE", nargs="+", required=True,
-        help="a camera's images: a folder, a pattern in quotes, a video or a file",
+        "--recording", metavar="FILE",
+        help="a recording of ROS, which brings images, cameras and motion: MCAP, a ROS 2 folder or "
+        "a ROS 1 bag; --rig, --images and --motion say otherwise",
+    )  # fmt: skip
+    add(
+        "--images", metavar="NAME=SOURCE", nargs="+", default=[],
+        help="a camera's images: a folder, a pattern in quotes, a video or a file; of a "
+        "--recording, the topic",
     )  # fmt: skip
     add("--colors", metavar="FILE", help="how the materials look, from 'mffdrake colors'")
     add(
         "--motion", metavar="FILE",
         help="the rig's pose in the world, a line 'time x y z qx qy qz qw' a frame; switches "
-        "motion feedforward on",
+        "motion feedforward on; of a --recording, by time, or a topic with poses, or none",
     )  # fmt: skip
     add(
         "--start", metavar="FILE|random",
@@ -189,6 +202,7 @@ def _AddImageCommands(commands: Any) -> None:
         "--overlay", metavar="images|video", nargs="?", const="images",
         choices=["images", "video"], help="draw the outline over every frame (default: images)",
     )  # fmt: skip
+    add("--mcap-out", metavar="FILE.mcap", help="write the poses for ROS 2's tools, too")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     colors = commands.add_parser(
         "colors", parents=[images], help="learn how the target's materials look",
@@ -196,6 +210,7 @@ def _AddImageCommands(commands: Any) -> None:
         "example images, one a camera.",
     )  # fmt: skip
     add = colors.add_argument
+    add("--rig", metavar="RIG.yaml", required=True, help="file with the cameras")
     add("--images", metavar="NAME=FILE", nargs="+", required=True, help="a camera's image")
     where = colors.add_mutually_exclusive_group(required=True)
     where.add_argument(
@@ -238,6 +253,7 @@ _COMMANDS = {
     "run": "run.RunOne", "servo": "run.RunServo", "record": "run.RunRecord",
     "compare": "many.RunCompare", "sweep": "many.RunSweep", "reproduce": "many.RunReproduce",
     "track": "track.RunTrack", "colors": "target.RunColors", "target": "target.RunTarget",
+    "calibrate": "calibrate.RunCalibrate",
 }  # fmt: skip
 _OF_A_SCENARIO = ("run", "servo", "record", "compare")
 

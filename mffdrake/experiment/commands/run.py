@@ -104,11 +104,12 @@ def RunOne(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int
 
 def RunRecord(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:
     """Records images, rig and motion, and tells how they are tracked."""
+    mcap = None if options.mcap is None else Path(options.mcap)
     with TimeBar(scenario.duration) as on_frame:
-        result = Record(scenario, folder, on_frame=on_frame)
+        result = Record(scenario, folder, mcap=mcap, on_frame=on_frame)
     print(f"{len(result.time)} frames. To track them as they were tracked just now:")
-    print(TrackCommand(scenario, folder))
-    print(f"Recording: {folder}/")
+    print(TrackCommand(scenario, folder, mcap))
+    print(f"Recording: {folder}/" + ("" if mcap is None else f" and {mcap}"))
     return 0
 
 

@@ -21,7 +21,7 @@ from mffdrake.experiment.commands.arguments import (
 from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.runs.table import WriteJson, WriteRows
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
-from mffdrake.recognition import PoseTracker, TrackerParameters
+from mffdrake.recognition import CameraRig, PoseTracker, TrackerParameters
 from mffdrake.recognition.recordings.color_file import LoadColors
 from mffdrake.recognition.recordings.files import MakeOutputFolder
 from mffdrake.recognition.recordings.image_files import OpenImages, SaveImage
@@ -39,6 +39,9 @@ from mffdrake.recognition.recordings.trajectory import (
     SaveTrajectory,
     Trajectory,
 )
+from mffdrake.recognition.ros.mcap_file import write_poses
+from mffdrake.recognition.ros.messages import nanoseconds, rig_frame, typestore
+from mffdrake.recognition.ros.ros_recording import RosRecording, open_recording
 from mffdrake.recognition.visibility.outline import DrawViews
 
 __all__ = ["RunTrack"]
@@ -48,22 +51,17 @@ _log = logging.getLogger("mffdrake")
 
 def RunTrack(options: argparse.Namespace) -> int:
     """Tracks a solid through images, writes its poses and tells what came out."""
-    tracker = _MakeTracker(options)
+    if options.mcap_out is not None:
+        typestore()  # Find out now whether its libraries are there.
+    rig, recording = _OpenRecording(options)
+    tracker = _MakeTracker(options, rig)
     matcher = tracker.ga.matcher
-    given = ImagesByCamera("NAME=SOURCE", options.images)
-    recording = Recording(
-        rig=matcher.rig,
-        sources={name: OpenImages(source) for name, source in given.items()},
-        motion=None if options.motion is None else LoadTrajectory(options.motion),
-        stride=options.stride,
-        rate=options.rate,
-    )
     folder = MakeOutputFolder(options.out)
     tracked: list[TrackedFrame] = []
     try:
         with (
             _Bars(recording.count, options.generations) as (on_frame, on_generation),
-            MakeOverlay(options.overlay, folder, options.rate / options.stride) as add_overlay,
+            MakeOverlay(options.overlay, folder, recording.rate / options.stride) as add_overlay,
         ):
             frames = TrackRecording(
                 tracker, recording,
@@ -84,6 +82,10 @@ def RunTrack(options: argparse.Namespace) -> int:
     finally:
         if tracked:
             _Write(tracked, tracker, options, folder)
+            if options.mcap_out is not None:
+                _WriteMcap(tracked, recording, options.mcap_out)
+    if isinstance(recording, RosRecording):
+        print(f"Recording: {recording.summary}.")
     _Tell(tracked, folder)
     warning = MotionWarning(tracked, tracker.ga.sure_fitness)
     if warning is not None:
@@ -91,9 +93,46 @@ def RunTrack(options: argparse.Namespace) -> int:
     return 0
 
 
-def _MakeTracker(options: argparse.Namespace) -> PoseTracker:
+def _OpenRecording(options: argparse.Namespace) -> tuple[CameraRig, Recording | RosRecording]:
+    """The cameras and their images."""
+    given = ImagesByCamera("NAME=SOURCE", options.images)
+    rig = None if options.rig is None else LoadRig(options.rig)
+    motion: Any = options.motion
+    if options.recording is not None:
+        if motion not in (None, "none") and (_IsFile(motion) or not motion.startswith("/")):
+            motion = LoadTrajectory(motion)
+        found = open_recording(
+            options.recording, rig=rig, images=given, motion=motion,
+            stride=options.stride, rate=options.rate,
+        )  # fmt: skip
+        if found.warning:
+            _log.warning("%s", found.warning)
+        return found.rig, found
+    if rig is None or not given:
+        raise ArgumentsError("give --rig and --images, or a --recording, which may bring both")
+    recording = Recording(
+        rig=rig,
+        sources={name: OpenImages(source) for name, source in given.items()},
+        motion=None if options.motion is None else LoadTrajectory(options.motion),
+        stride=options.stride,
+        rate=options.rate,
+    )
+    return rig, recording
+
+
+def _WriteMcap(tracked: list[TrackedFrame], recording: Recording | RosRecording, path: str) -> None:
+    """Writes the poses as messages."""
+    stamps = [
+        nanoseconds(f.recorded.time) if f.recorded.stamp is None else f.recorded.stamp
+        for f in tracked
+    ]
+    frame = recording.frame if isinstance(recording, RosRecording) else rig_frame(recording.rig)
+    write_poses(path, frame, stamps, [f.estimate for f in tracked])
+
+
+def _MakeTracker(options: argparse.Namespace, rig: CameraRig) -> PoseTracker:
     """The tracker that the options describe."""
-    rig, solid = LoadRig(options.rig), LoadTarget(options.target)
+    solid = LoadTarget(options.target)
     colors = None if options.colors is None else LoadColors(options.colors)
     config = _ReadRecognizer(options.recognizer or "{}")
     start_pose = np.zeros(6)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts, MakeRig
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose, ReadScenarioMesh
+from mffdrake.recognition import CameraRig
 from mffdrake.recognition.parameters import plain
 from mffdrake.recognition.parameters.yaml_text import DumpYaml
 from mffdrake.recognition.poses.pose import pose_from_transform, transform_from_pose
@@ -23,6 +25,7 @@ from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.recordings.image_files import RemoveNumbered, SaveImage
 from mffdrake.recognition.recordings.rig_file import DumpRig
 from mffdrake.recognition.recordings.trajectory import SaveTrajectory, Trajectory
+from mffdrake.recognition.ros.mcap_file import RigRecorder, write_mcap
 
 __all__ = ["Record", "TrackCommand"]
 
@@ -31,13 +34,15 @@ def Record(
     scenario: Scenario,
     folder: Path,
     *,
+    mcap: Path | None = None,
     on_frame: Callable[[float, float], None] | None = None,
 ) -> SimulationResult:
     """Runs a scenario and writes what its cameras see and how they move.
 
     The recording is
 
-    - ``images/right/000000.png`` and so on, a folder for each camera;
+    - ``images/right/000000.png`` and so on, a folder for each camera; or, in their place, the MCAP
+      file, which also has the cameras, the motion and the true poses, see `RigRecorder`;
     - ``rig.yaml``: the cameras;
     - ``motion.tum``: the rig's pose in the world at every frame, as the motion feedforward knows
       it; without feedforward as it is;
@@ -50,6 +55,7 @@ def Record(
     Args:
         scenario: What to simulate.
         folder: Where to write; it must exist.
+        mcap: The MCAP file; None for folders of images.
         on_frame: Called after every frame with its simulated time and the wall time so far [s].
 
     Returns:
@@ -57,6 +63,7 @@ def Record(
 
     Raises:
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
+        RosError: When an MCAP file is wanted and its libraries are not installed.
         OSError: When the files cannot be written.
     """
     # First, as it may fail, and the simulation may take long.
@@ -66,22 +73,23 @@ def Record(
             part.write_text(text, encoding="utf-8")
     diagram = MakeHandEyeDiagram(scenario)
     rig = diagram.GetSubsystemByName("recognizer").tracker.rig
-    for name in rig.names:
-        (folder / "images" / name).mkdir(parents=True, exist_ok=True)
     displacements: list[RigidTransform] = []
 
-    def OnExposure(context: Context) -> None:
-        for name in rig.names:
-            port = diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
-            image = port.Eval(context).data[:, :, :3]
-            SaveImage(image, folder / "images" / name / f"{len(displacements):06d}.png")
-        displacements.append(_Displacement(diagram, context))
+    with _Sink(scenario, rig, folder, mcap) as (save, save_rest):
 
-    result = Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=OnExposure)
-    for name in rig.names:  # of a longer recording that was here
-        RemoveNumbered(folder / "images" / name, start=len(displacements))
+        def OnExposure(context: Context) -> None:
+            ports = [diagram.GetOutputPort(f"stereo_camera.color_image_{n}") for n in rig.names]
+            images = [port.Eval(context).data[:, :, :3] for port in ports]
+            save(len(displacements), context.get_time(), images)
+            displacements.append(_Displacement(diagram, context))
+
+        result = Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=OnExposure)
+        motion = Trajectory(
+            result.time[: len(displacements)], _Motion(scenario, result, displacements)
+        )
+        save_rest(motion, Trajectory(result.time, result.true_pose))
     for name, poses in (
-        ("motion", _Motion(scenario, result, displacements)),
+        ("motion", motion.poses),
         ("true_poses", result.true_pose),
         ("live_poses", result.recognized_pose),
         ("start", CalcDesiredPose(scenario, 0.0)[None]),
@@ -97,24 +105,63 @@ def Record(
     return result
 
 
-def TrackCommand(scenario: Scenario, folder: Path) -> str:
+_Save = Callable[[int, float, Sequence[NDArray[np.uint8]]], None]
+_SaveRest = Callable[[Trajectory, Trajectory], None]
+
+
+@contextmanager
+def _Sink(
+    scenario: Scenario, rig: CameraRig, folder: Path, mcap: Path | None
+) -> Iterator[tuple[_Save, _SaveRest]]:
+    """Where images go, and at the end motion and true poses."""
+    if mcap is not None:
+        with write_mcap(mcap) as file:
+            recorder = RigRecorder(file, rig, [mount.latency for mount in MakeMounts(scenario)])
+
+            def SaveAll(motion: Trajectory, true_poses: Trajectory) -> None:
+                recorder.add_motion(motion)
+                recorder.add_true_poses(true_poses)
+
+            yield (lambda frame, time, images: recorder.add_images(time, images)), SaveAll
+        return
+    for name in rig.names:
+        (folder / "images" / name).mkdir(parents=True, exist_ok=True)
+
+    def SaveImages(frame: int, time: float, images: Sequence[NDArray[np.uint8]]) -> None:
+        for name, image in zip(rig.names, images, strict=True):
+            SaveImage(image, folder / "images" / name / f"{frame:06d}.png")
+
+    def RemoveOlder(motion: Trajectory, true_poses: Trajectory) -> None:
+        for name in rig.names:  # of a longer recording that was here
+            RemoveNumbered(folder / "images" / name, start=len(motion))
+
+    yield SaveImages, RemoveOlder
+
+
+def TrackCommand(scenario: Scenario, folder: Path, mcap: Path | None = None) -> str:
     """The command that tracks a recording as it was tracked while recording.
 
     Args:
         scenario: What was recorded.
         folder: Where.
+        mcap: The MCAP file, where there is one.
 
     Example:
         >>> print(TrackCommand(Scenario(method="ga"), Path("rec")).partition(" --images")[0])
         mffdrake track --rig rec/rig.yaml --target rec/target.obj
     """
     words = ["mffdrake", "track", "--rig", f"{folder}/rig.yaml", "--target"]
-    words += [f"{folder}/target.obj", "--images"]
-    words += [f"{name}={folder}/images/{name}" for name in MakeRig(scenario).names]
-    if scenario.method == "mff":
-        words += ["--motion", f"{folder}/motion.tum"]
+    words += [f"{folder}/target.obj"]
+    with_motion = scenario.method == "mff"
+    if mcap is not None:
+        words += ["--recording", str(mcap), *(() if with_motion else ("--motion", "none"))]
     else:
-        words += ["--rate", repr(1.0 / scenario.timing.vision_period)]
+        words += ["--images"]
+        words += [f"{name}={folder}/images/{name}" for name in MakeRig(scenario).names]
+        if with_motion:
+            words += ["--motion", f"{folder}/motion.tum"]
+        else:
+            words += ["--rate", repr(1.0 / scenario.timing.vision_period)]
     if scenario.recognizer.start == "near_target":
         words += ["--start", f"{folder}/start.tum"]
     words += ["--recognizer", f"{folder}/recognizer.yaml", "--seed", str(scenario.seed)]

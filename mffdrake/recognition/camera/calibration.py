@@ -24,7 +24,13 @@ from mffdrake.recognition.camera.cameras import Camera
 from mffdrake.recognition.camera.distortion import Distortion
 from mffdrake.recognition.parameters import did_you_mean
 
-__all__ = ["Calibration", "CalibrationError", "read_calibration", "read_camera"]
+__all__ = [
+    "Calibration",
+    "CalibrationError",
+    "camera_from_values",
+    "read_calibration",
+    "read_camera",
+]
 
 Array = NDArray[np.float64]
 _Model = Literal["none", "plumb_bob", "equidistant"]
@@ -139,7 +145,34 @@ def read_calibration(path: Path | str, *, name: str | None = None) -> Calibratio
         CalibrationError: When the file is not such a calibration; one line, with file and key.
         OSError: When it cannot be read.
     """
-    keys = _one_camera(Path(path))
+    return _calibration(_one_camera(Path(path)), name)
+
+
+def camera_from_values(values: dict[str, Any], name: str, where: Path) -> Camera:
+    """Makes a camera of keys and values that do not come from a file of their own.
+
+    Args:
+        values: Keys and values, see `read_calibration`.
+        name: What the camera is to be called.
+        where: Where they are from, for messages.
+
+    Returns:
+        The camera.
+
+    Raises:
+        CalibrationError: When they are not a calibration.
+
+    Example:
+        >>> K = [[580, 0, 320], [0, 580, 240], [0, 0, 1]]
+        >>> values = {"width": 640, "height": 480, "K": K, "distortion_model": "none"}
+        >>> camera_from_values(values, "left", Path("a.bag")).fx
+        580.0
+    """
+    return _calibration(Keys(where, values), name).camera
+
+
+def _calibration(keys: Keys, name: str | None) -> Calibration:
+    """What the keys of one camera tell."""
     width, height = _image_size(keys)
     _check_whole_image(keys, width, height)
     (fx, _, cx), (_, fy, cy), _ = _pinhole(keys).tolist()

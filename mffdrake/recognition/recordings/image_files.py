@@ -15,6 +15,8 @@ from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.recordings.files import WholeFile
 
 __all__ = [
+    "DecodeImage",
+    "EncodePng",
     "ImageFiles",
     "ImageSource",
     "ImageSourceError",
@@ -141,9 +143,25 @@ def ReadImage(path: Path | str) -> Image:
     Raises:
         ImageSourceError: When it is no image, grey, or not of 8 bits a channel.
     """
+    return DecodeImage(np.fromfile(path, dtype=np.uint8), path)
+
+
+def DecodeImage(data: NDArray[np.uint8], path: Path | str) -> Image:
+    """Decodes a color image of any file format.
+
+    Args:
+        data: The file's content.
+        path: Where it is from, for messages.
+
+    Returns:
+        RGB, uint8, shape (height, width, 3).
+
+    Raises:
+        ImageSourceError: When it is no image, grey, or not of 8 bits a channel.
+    """
     import cv2
 
-    image = _Decode(path)
+    image = _Decode(data, path)
     if image.ndim != 3:
         raise ImageSourceError(f"{path}: the image is grey; colors are needed")
     if image.dtype != np.uint8:
@@ -166,10 +184,18 @@ def ReadMask(path: Path | str) -> NDArray[np.bool_]:
     Raises:
         ImageSourceError: When it is no image.
     """
-    image = _Decode(path)
+    image = _Decode(np.fromfile(path, dtype=np.uint8), path)
     if image.ndim == 3:
         image = image[:, :, 3] if image.shape[2] == 4 else image.max(axis=2)
     return np.asarray(image > 0.5 * image.max()) & (image > 0)
+
+
+def EncodePng(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An RGB image of shape (height, width, 3) as a PNG file's content."""
+    import cv2
+
+    encoded: NDArray[np.uint8] = cv2.imencode(".png", image[:, :, ::-1])[1]
+    return encoded.reshape(-1)
 
 
 def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
@@ -182,10 +208,8 @@ def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
     Raises:
         OSError: When it cannot be written.
     """
-    import cv2
-
     with WholeFile(path) as part:
-        part.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+        part.write_bytes(EncodePng(image).tobytes())
 
 
 def RemoveNumbered(folder: Path, start: int = 0) -> None:
@@ -200,11 +224,11 @@ def RemoveNumbered(folder: Path, start: int = 0) -> None:
             path.unlink()
 
 
-def _Decode(path: Path | str) -> NDArray[Any]:
-    """An image file as OpenCV reads it, without the warning that it would print."""
+def _Decode(data: NDArray[np.uint8], path: Path | str) -> NDArray[Any]:
+    """An image as OpenCV decodes it, without the warning that it would print."""
     import cv2
 
-    data, image = np.fromfile(path, dtype=np.uint8), None
+    image = None
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         if len(data):

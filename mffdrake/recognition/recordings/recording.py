@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, zip_longest
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from mffdrake.recognition.tracking.pose_tracker import Estimate, PoseTracker
 from mffdrake.recognition.tracking.search import Found
 
 __all__ = [
+    "Frames",
     "MotionWarning",
     "Recording",
     "RecordingError",
@@ -52,12 +53,32 @@ class RecordingFrame:
         time: Its time [s].
         images: One a camera, in the rig's order.
         pose_WC: The rig's pose vector in the world, shape (6,), where its motion is known.
+        stamp: The same time [ns], where the recording tells it so: of the acquisition, exactly.
     """
 
     frame: int
     time: float
     images: tuple[Image, ...]
     pose_WC: NDArray[np.float64] | None
+    stamp: int | None = None
+
+
+class Frames(Protocol):
+    """Frames of a rig, one after the other: a `Recording`, or another one's like."""
+
+    @property
+    def rig(self) -> CameraRig:
+        """The cameras."""
+        ...
+
+    @property
+    def count(self) -> int | None:
+        """How many frames count; None where that shows at the end only."""
+        ...
+
+    def __iter__(self) -> Iterator[RecordingFrame]:
+        """The frames that count."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +204,7 @@ class TrackedFrame:
 
 def TrackRecording(
     tracker: PoseTracker,
-    recording: Recording,
+    recording: Frames,
     *,
     generations: int | None = None,
     on_generation: Callable[[int, float], None] | None = None,
@@ -257,7 +278,8 @@ def MotionWarning(tracked: Sequence[TrackedFrame], sure_fitness: float) -> str |
     return (
         f"motion feedforward made the prediction worse than none (median {with_motion:.1f} mm "
         f"against {without:.1f} mm, along the motion): the target seems to move with the cameras; "
-        "leave --motion out, or give the motion relative to the target"
+        "leave --motion out (with a --recording: --motion none), or give the motion relative to "
+        "the target"
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,14 @@ from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.poses.pose import quaternion_scalar
 from mffdrake.recognition.recordings.files import WholeFile
 
-__all__ = ["LoadPose", "LoadTrajectory", "SaveTrajectory", "Trajectory", "TrajectoryError"]
+__all__ = [
+    "LoadPose",
+    "LoadTrajectory",
+    "PoseAt",
+    "SaveTrajectory",
+    "Trajectory",
+    "TrajectoryError",
+]
 
 Array = NDArray[np.float64]
 
@@ -41,6 +49,39 @@ class Trajectory:
     def __len__(self) -> int:
         """Number of poses."""
         return len(self.times)
+
+
+def PoseAt(times: NDArray[Any], poses: Array, when: float) -> Array | None:
+    """The pose at a time between others: straight ahead, at a constant turning rate.
+
+    Args:
+        times: Ascending, of any unit, shape (K,).
+        poses: Pose vectors, shape (K, 6).
+        when: The time, of the same unit.
+
+    Returns:
+        The pose vector, shape (6,), to the bit one of `poses` at its own time; None before the
+        first and after the last one.
+
+    Example:
+        >>> poses = np.array([[1.0, 0, 0, 0, 0, 0], [2.0, 0, 0, 0.6, 0, 0]])
+        >>> PoseAt(np.array([0, 2]), poses, 1).round(3)
+        array([1.5  , 0.   , 0.   , 0.316, 0.   , 0.   ])
+    """
+    k = int(np.searchsorted(times, when))
+    if k < len(times) and times[k] == when:
+        return np.asarray(poses[k])
+    if k in (0, len(times)):
+        return None
+    share = float((when - times[k - 1]) / (times[k] - times[k - 1]))
+    a, b = (np.append(pose[3:], quaternion_scalar(pose[3:])) for pose in poses[k - 1 : k + 1])
+    b = np.copysign(1.0, a @ b) * b  # the shorter way
+    angle = math.atan2(float(np.linalg.norm(b - (a @ b) * a)), float(a @ b))
+    q = (1.0 - share) * a + share * b
+    if angle > 1e-9:
+        q = math.sin((1.0 - share) * angle) * a + math.sin(share * angle) * b
+    q *= np.copysign(1.0, q[3]) / np.linalg.norm(q)
+    return np.append((1.0 - share) * poses[k - 1, :3] + share * poses[k, :3], q[:3])
 
 
 def LoadTrajectory(path: Path | str) -> Trajectory:
