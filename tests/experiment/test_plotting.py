@@ -118,7 +118,19 @@ def test_a_wild_guess_does_not_hide_the_rest():
     result = make_result()
     calm = [axis.get_ylim() for axis in PlotPose([result]).axes]
     result.recognized_pose[0] = 100.0
-    assert [axis.get_ylim() for axis in PlotPose([result]).axes] == calm
+    figure = PlotPose([result])
+    assert [axis.get_ylim() for axis in figure.axes] == calm
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "true", "MFF + 1-step GA", "beyond the panel",
+    ]  # fmt: skip
+    for axis in figure.axes[:6]:  # A mark on the border says where it is.
+        mark = curves(axis)["beyond the panel"]
+        assert (*mark.get_xdata(), *mark.get_ydata()) == (0.0, axis.get_ylim()[1])
+
+
+def test_what_stays_in_the_panels_is_not_marked():
+    for axis in PlotPose([make_result()]).axes:
+        assert "beyond the panel" not in curves(axis)
 
 
 def test_errors_have_a_panel_for_each_speed():
@@ -132,6 +144,9 @@ def test_errors_have_a_panel_for_each_speed():
     for axis, pair in zip(figure.axes, (results[:2], results[2:]), strict=True):
         assert axis.get_yscale() == "log"
         lines = curves(axis)
+        legend = [text.get_text() for text in axis.get_legend().get_texts()]
+        assert legend[-1] == "settled from here on"
+        assert lines[legend[-1]].get_xdata()[0] == 5.0
         for name, result in zip(
             ("1-step GA, seed 0", "MFF + 1-step GA, seed 0"), pair, strict=True
         ):

@@ -48,7 +48,9 @@ def PlotErrors(results: Sequence[SimulationResult]) -> Figure:
                     label=f"{METHOD_NAMES[scenario.method]}, seed {scenario.seed}",
                     linewidth=0.8,
                 )
-        axis.axvline(SETTLED_AFTER, color="gray", linestyle=":", linewidth=1)
+        axis.axvline(
+            SETTLED_AFTER, color="gray", linestyle=":", linewidth=1, label="settled from here on"
+        )
         axis.set_title(f"omega = {omega:g} rad/s")
         axis.set_ylabel("position error [mm]")
         axis.grid(alpha=0.3, which="both")
