@@ -71,7 +71,7 @@ def test_numbers_as_good_as_the_papers_say_so():
 def test_quartiles_stand_in_brackets_where_there_are_several_seeds():
     rows = [make_row("near", "mff", 0.105, factor=f, seed=k) for k, f in enumerate((1, 2, 3))]
     table = PaperTable(Summarize(rows), "near", "all")
-    assert "| 5.71 (4.28 - 7.13), x2.0 | 2.8536 |" in table
+    assert "| 5.71 (4.28-7.13), x2.0 | 2.8536 |" in table
 
 
 def test_the_two_windows_are_kept_apart():

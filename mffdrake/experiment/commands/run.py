@@ -73,7 +73,9 @@ class OneSimulation:
         self.result.Save(folder / "result.npz")
         WriteJson({"runs": [row]}, folder / "results.json")
         WriteScenario(scenario, folder)
-        view = DrawCameraView(self.diagram, scenario, self.result, images=self.images or None)
+        view = DrawCameraView(
+            self.diagram, scenario, self.result, images=self.images or None, caption=True
+        )
         SaveImage(view, folder / "camera.png")
         SaveImage(DrawScene(self.diagram, self.result), folder / "scene.png")
         return row

@@ -45,7 +45,7 @@ def _WithQuartiles(cell: str, quartiles: Quartiles | None) -> str:
     low, median, high = (
         _Form(cell, value) for value in (quartiles.low, quartiles.median, quartiles.high)
     )
-    return median if quartiles.count == 1 else f"{median} ({low} - {high})"
+    return median if quartiles.count == 1 else f"{median} ({low}-{high})"
 
 
 def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: bool = True) -> str:
