@@ -116,7 +116,9 @@ def CheckFiles(options: argparse.Namespace) -> None:
         ArgumentsError: When one has another suffix than it must have, or is a folder.
         OSError: When its folder cannot be written to.
     """
-    for name, suffixes in (("graphviz", (".svg", ".png")), ("replay", (".html",))):
+    for name, suffixes in (
+        ("graphviz", (".svg", ".png")), ("replay", (".html",)), ("video", (".mp4",)),
+    ):  # fmt: skip
         given = getattr(options, name, None)
         if given is None:
             continue

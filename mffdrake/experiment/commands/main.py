@@ -25,6 +25,9 @@ from mffdrake.experiment.runs.executors.local_processes import PrepareWorkers
 __all__ = ["main"]
 
 
+_MESHCAT = "show it in a browser as it happens, with buttons to pause, step and reset"
+
+
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes options by their whole names only."""
 
@@ -60,13 +63,17 @@ def _MakeParser() -> argparse.ArgumentParser:
     add("--seed", metavar="N", type=int, help="seed of the random numbers, of several the first")
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     add("--verbose", action="store_true", help="say more on the way")
-    renderer, diagram, replay, path = (_Parser(add_help=False) for _ in range(4))
+    renderer, diagram, replay, path, live = (_Parser(add_help=False) for _ in range(5))
     renderer.add_argument("--renderer", metavar="NAME", help="what draws the images: vtk or flat")
     diagram.add_argument(
         "--graphviz", metavar="FILE", help="write the (last run's) diagram as SVG or PNG"
     )
     replay.add_argument("--replay", metavar="FILE.html",
                         help="write a Meshcat recording (of the last run) as one HTML file"
+    )  # fmt: skip
+    live.add_argument("--meshcat", action="store_true", help=_MESHCAT)
+    live.add_argument("--video", metavar="FILE.mp4",
+                      help="write the cameras' images, with the model and the numbers, as a video"
     )  # fmt: skip
     path.add_argument("--method", metavar="ga|mff", help="without or with motion feedforward")
     path.add_argument("--omega", metavar="W", type=float, help="speed of the hand's path [rad/s]")
@@ -82,16 +89,16 @@ def _MakeParser() -> argparse.ArgumentParser:
         required=True,
         metavar="run|servo|compare|sweep|reproduce|track|colors|target|record|defaults|schema",
     )
-    commands.add_parser("run", parents=[*pictures, path], help="one simulation")
+    commands.add_parser("run", parents=[*pictures, path, live], help="one simulation")
     servo = commands.add_parser(
-        "servo", parents=pictures, help="one simulation in which the hand follows the target",
+        "servo", parents=[*pictures, live],
+        help="one simulation in which the hand follows the target",
         description="The target moves, and the hand follows it by what its cameras see.",
     )  # fmt: skip
     add = servo.add_argument
     add("--method", metavar="ga|mff", help="without or with motion feedforward")
     add("--period", metavar="S", type=_Positive(float), help="of the target's swing [s]")
     add("--amplitude", metavar="M", type=_Positive(float), help="of its swing along y [m]")
-    add("--meshcat", action="store_true", help="show it in Meshcat as it happens")
     compare = commands.add_parser(
         "compare", parents=pictures, help="methods x speeds x seeds, with a table"
     )
@@ -188,6 +195,7 @@ def _AddImageCommands(commands: Any) -> None:
         "--overlay", metavar="images|video", nargs="?", const="images",
         choices=["images", "video"], help="draw the outline over every frame (default: images)",
     )  # fmt: skip
+    add("--meshcat", action="store_true", help=_MESHCAT)
     add("--out", metavar="DIR", default="out", help="folder for the results (default: out)")
     colors = commands.add_parser(
         "colors", parents=[images], help="learn how the target's materials look",

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform, RotationMatrix
 
 from mffdrake.experiment.commands.arguments import (
     ArgumentsError,
@@ -22,6 +24,7 @@ from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.runs.table import WriteJson, WriteRows
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
 from mffdrake.recognition import PoseTracker, TrackerParameters
+from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.recordings.color_file import LoadColors
 from mffdrake.recognition.recordings.files import MakeOutputFolder
 from mffdrake.recognition.recordings.image_files import OpenImages, SaveImage
@@ -39,7 +42,10 @@ from mffdrake.recognition.recordings.trajectory import (
     SaveTrajectory,
     Trajectory,
 )
+from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.visibility.outline import DrawViews
+from mffdrake.systems.view.controls import LiveControls
+from mffdrake.systems.view.pose_view import PoseView, SetView
 
 __all__ = ["RunTrack"]
 
@@ -60,6 +66,7 @@ def RunTrack(options: argparse.Namespace) -> int:
     )
     folder = MakeOutputFolder(options.out)
     tracked: list[TrackedFrame] = []
+    watch = _MakeWatch(tracker, options) if options.meshcat else None
     try:
         with (
             _Bars(recording.count, options.generations) as (on_frame, on_generation),
@@ -81,6 +88,8 @@ def RunTrack(options: argparse.Namespace) -> int:
                 if len(tracked) > 1:
                     tracked[-2] = tracked[-2].WithoutImages()
                 on_frame(estimate.fitness)
+                if watch is not None:
+                    watch(frame)
     finally:
         if tracked:
             _Write(tracked, tracker, options, folder)
@@ -89,6 +98,37 @@ def RunTrack(options: argparse.Namespace) -> int:
     if warning is not None:
         _log.warning("%s", warning)
     return 0
+
+
+def _MakeWatch(tracker: PoseTracker, options: argparse.Namespace) -> Callable[[TrackedFrame], None]:
+    """What shows every frame in Meshcat: the rig, the pose and the best hypotheses."""
+    meshcat = Meshcat()
+    print(f"Meshcat: {meshcat.web_url()}", flush=True)
+    matcher = tracker.ga.matcher
+    mesh = ColoredMesh.read(options.target)
+    view = PoseView(meshcat, mesh, solid=matcher.solid, rig=matcher.rig)
+    controls = LiveControls(meshcat, can_reset=False)
+    # Where its motion is not known, the rig looks along the world's x axis, with z upward.
+    ahead = RotationMatrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+    def Transform(pose: np.ndarray) -> RigidTransform:
+        R, p = transform_from_pose(pose)
+        return RigidTransform(RotationMatrix(R), p)
+
+    def Watch(frame: TrackedFrame) -> None:
+        estimate, pose_WC = frame.estimate, frame.recorded.pose_WC
+        X_WC = RigidTransform(ahead, [0, 0, 0]) if pose_WC is None else Transform(pose_WC)
+        X_CM = Transform(estimate.pose)
+        if estimate.frame == 0:  # From behind the rig, from its right and from above
+            depth = float(np.linalg.norm(X_CM.translation()))
+            eye = X_WC @ (depth * np.array([0.9, -0.7, -0.4]))
+            SetView(meshcat, eye, X_WC @ (0.6 * X_CM.translation()))
+        assert tracker.generation is not None
+        view.Show(X_WC, X_CM, tracker.generation.poses)
+        controls.Tell(estimate.fitness, estimate.confidence, estimate.state)
+        controls.Wait(frame.recorded.time)
+
+    return Watch
 
 
 def _MakeTracker(options: argparse.Namespace) -> PoseTracker:

@@ -17,7 +17,7 @@ from mffdrake.recognition.poses.pose import pose_errors
 from mffdrake.recognition.visibility.outline import AddCaption, DrawViews
 from mffdrake.systems.rendering.visualization import SceneView
 
-__all__ = ["DescribeFrame", "DrawCameraView", "DrawScene"]
+__all__ = ["Describe", "DescribeFrame", "DrawCameraView", "DrawScene"]
 
 
 def DrawCameraView(
@@ -62,11 +62,29 @@ def DescribeFrame(result: SimulationResult, frame: int) -> str:
         result: The record.
         frame: Which frame; negative ones count from the end.
     """
-    distance, angle = pose_errors(result.true_pose[frame], result.recognized_pose[frame])
-    state = result.state[frame]
+    return Describe(
+        result.time[frame], result.fitness[frame], result.state[frame],
+        result.true_pose[frame], result.recognized_pose[frame],
+    )  # fmt: skip
+
+
+def Describe(
+    time: float,
+    fitness: float,
+    state: float,
+    true_pose: NDArray[np.float64],
+    recognized_pose: NDArray[np.float64],
+) -> str:
+    """The same of a frame's numbers; for their meaning see `SimulationResult`.
+
+    Example:
+        >>> Describe(1.0, 0.5, 1.0, np.zeros(6), np.zeros(6))
+        't 1.00 s   fitness 0.50   off 0.0 mm, 0.0 deg   tracking'
+    """
+    distance, angle = pose_errors(true_pose, recognized_pose)
     name = "" if np.isnan(state) else f"   {TrackingState(int(state)).name.lower()}"
     return (
-        f"t {result.time[frame]:.2f} s   fitness {result.fitness[frame]:.2f}   "
+        f"t {time:.2f} s   fitness {fitness:.2f}   "
         f"off {1e3 * distance:.1f} mm, {np.degrees(angle):.1f} deg{name}"
     )
 
