@@ -37,6 +37,7 @@ from mffdrake.systems.view.pose_view import PoseView, SetView
 __all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView"]
 
 _PUBLISH_PERIOD = 0.033
+_PAGE_EYE = (1.1, -1.25, 0.95)  # Where a page looks from [m]; it sees more than `SceneView`.
 _VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
@@ -137,7 +138,7 @@ def AddMeshcat(
     )  # fmt: skip
     if population is not None:
         builder.Connect(population, ghost.GetInputPort("population"))
-    SetView(meshcat, SceneView.eye, SceneView.look_at)
+    SetView(meshcat, _PAGE_EYE, SceneView.look_at)
     builder.Connect(estimate, ghost.GetInputPort("X_CM"))
     builder.Connect(plant.get_state_output_port(), ghost.GetInputPort("state"))
 

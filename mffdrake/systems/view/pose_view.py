@@ -21,7 +21,7 @@ NUM_SHOWN = 5
 
 _GHOST_SCALE = 1.02  # A little larger than the target, so that their faces do not flicker.
 _GHOST_OPACITY = 0.5
-_EDGE_RADIUS = 0.0015  # of the ghost's edges [m], as browsers draw lines one pixel wide
+_EDGE_RADIUS = 0.012  # of the ghost's edges, by its size; browsers draw lines one pixel wide
 _EDGE_COLOR = Rgba(0.8, 0.47, 0.65)  # the style's purple: no target, arm or background is so
 _GUESS_COLOR = Rgba(0.9, 0.62, 0.0)
 _CAMERA_COLOR = Rgba(0.0, 0.45, 0.7)
@@ -73,7 +73,8 @@ class PoseView:
         if solid is not None:
             self._num_hypotheses = NUM_SHOWN
             edges = solid.vertices[solid.edges[~solid.smooth]]
-            _DrawTubes(meshcat, "estimate/edges", _GHOST_SCALE * edges)
+            if len(edges):  # A ball has none.
+                _DrawTubes(meshcat, "estimate/edges", _GHOST_SCALE * edges)
             for k in range(NUM_SHOWN):
                 _DrawLines(meshcat, _Hypothesis(k), edges, _GUESS_COLOR)
                 meshcat.SetProperty(_Hypothesis(k), "visible", False)  # until there is one
@@ -146,7 +147,8 @@ def _DrawTubes(meshcat: Meshcat, path: str, lines: NDArray[np.float64]) -> None:
     helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
     a = np.cross(along, helper)
     a /= np.linalg.norm(a, axis=1, keepdims=True)
-    sides = _EDGE_RADIUS * np.stack([a, np.cross(along, a), -a, -np.cross(along, a)], axis=1)
+    radius = _EDGE_RADIUS * np.linalg.norm(np.ptp(lines.reshape(-1, 3), axis=0))
+    sides = radius * np.stack([a, np.cross(along, a), -a, -np.cross(along, a)], axis=1)
     corners = np.concatenate([lines[:, :1] + sides, lines[:, 1:] + sides], axis=1)
     one = [[k, (k + 1) % 4, k + 4] for k in range(4)]
     one += [[(k + 1) % 4, (k + 1) % 4 + 4, k + 4] for k in range(4)]
