@@ -24,7 +24,10 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    *(f"experiment/commands/{name}.py" for name in ("main", "many", "run", "target", "track")),
+    *(
+        f"experiment/commands/{name}.py"
+        for name in ("main", "many", "one", "run", "target", "track")
+    ),
     "systems/rendering/graphics_probe.py",
 }  # fmt: skip
 

@@ -31,7 +31,7 @@ from mffdrake.recognition.recordings.image_files import SaveImage
 from mffdrake.recognition.recordings.overlay import MakeVideo
 from mffdrake.recognition.solid.symmetry import find_symmetries
 from mffdrake.recognition.visibility.outline import AddCaption, DrawViews
-from mffdrake.systems.rendering.visualization import SaveDiagram, SaveReplay
+from mffdrake.systems.rendering.visualization import PAGE_VIEW, SaveDiagram, SaveReplay
 from mffdrake.systems.view.controls import LiveControls
 
 __all__ = ["OneSimulation", "SimulateOne", "WriteScenario"]
@@ -100,6 +100,8 @@ def SimulateOne(
         meshcat: Where to show it as it happens, with buttons and sliders; reset begins anew.
     """
     controls = None if meshcat is None else LiveControls(meshcat)
+    if controls is not None:
+        controls.LookFrom(*PAGE_VIEW)
     if meshcat is None and replay:
         meshcat = Meshcat()
     diagram = MakeHandEyeDiagram(scenario, meshcat=meshcat)

@@ -45,7 +45,7 @@ from mffdrake.recognition.recordings.trajectory import (
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.visibility.outline import DrawViews
 from mffdrake.systems.view.controls import LiveControls
-from mffdrake.systems.view.pose_view import PoseView, SetView
+from mffdrake.systems.view.pose_view import PoseView
 
 __all__ = ["RunTrack"]
 
@@ -122,7 +122,7 @@ def _MakeWatch(tracker: PoseTracker, options: argparse.Namespace) -> Callable[[T
         if estimate.frame == 0:  # From behind the rig, from its right and from above
             depth = float(np.linalg.norm(X_CM.translation()))
             eye = X_WC @ (depth * np.array([0.9, -0.7, -0.4]))
-            SetView(meshcat, eye, X_WC @ (0.6 * X_CM.translation()))
+            controls.LookFrom(eye, X_WC @ (0.6 * X_CM.translation()))
         assert tracker.generation is not None
         view.Show(X_WC, X_CM, tracker.generation.poses)
         controls.Tell(estimate.fitness, estimate.confidence, estimate.state)

@@ -34,10 +34,11 @@ from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.solid.solid_model import SolidModel
 from mffdrake.systems.view.pose_view import PoseView, SetView
 
-__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView"]
+__all__ = [
+    "PAGE_VIEW", "AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView",
+]  # fmt: skip
 
 _PUBLISH_PERIOD = 0.033
-_PAGE_EYE = (1.1, -1.25, 0.95)  # Where a page looks from [m]; it sees more than `SceneView`.
 _VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
@@ -138,7 +139,7 @@ def AddMeshcat(
     )  # fmt: skip
     if population is not None:
         builder.Connect(population, ghost.GetInputPort("population"))
-    SetView(meshcat, _PAGE_EYE, SceneView.look_at)
+    SetView(meshcat, *PAGE_VIEW)
     builder.Connect(estimate, ghost.GetInputPort("X_CM"))
     builder.Connect(plant.get_state_output_port(), ghost.GetInputPort("state"))
 
@@ -210,6 +211,10 @@ class SceneView:
         cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)
         for corner in pixels[1:]:
             cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
+
+
+PAGE_VIEW = ((1.1, -1.25, 0.95), SceneView.look_at)
+"""Where a page looks from and to [m], which sees more at once than `SceneView`."""
 
 
 def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:

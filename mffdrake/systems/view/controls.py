@@ -6,9 +6,11 @@ import math
 import time
 from collections.abc import Callable
 
+from numpy.typing import ArrayLike
 from pydrake.geometry import Meshcat
 
 from mffdrake.recognition import TrackingState
+from mffdrake.systems.view.pose_view import SetView
 
 __all__ = ["LiveControls"]
 
@@ -38,6 +40,8 @@ class LiveControls:
         self._meshcat = meshcat
         self._can_reset = can_reset
         self._last = (0.0, time.perf_counter())  # Simulated and wall time of the last frame.
+        self._view: tuple[ArrayLike, ArrayLike] | None = None
+        self._num_visitors = 0
         meshcat.AddButton(_PAUSE, "Space")
         meshcat.AddButton(_STEP, "ArrowRight")
         if can_reset:
@@ -45,6 +49,16 @@ class LiveControls:
         meshcat.AddSlider(_SPEED, 0.0, 4.0, 0.1, 0.0)
         meshcat.AddSlider(_FITNESS, 0.0, 1.0, 0.001, 0.0)
         meshcat.AddSlider(_CONFIDENCE, 0.0, 1.0, 0.001, 0.0)
+
+    def LookFrom(self, eye: ArrayLike, look_at: ArrayLike) -> None:
+        """Places the camera of the page, also of browsers that come later; see `SetView`.
+
+        Args:
+            eye: Where it looks from [m], in the world.
+            look_at: What is in the middle [m].
+        """
+        self._view = (eye, look_at)
+        SetView(self._meshcat, eye, look_at)
 
     def Tell(self, fitness: float, confidence: float, state: TrackingState) -> None:
         """Shows what the recognition says of itself.
@@ -73,6 +87,11 @@ class LiveControls:
         Returns:
             Whether to begin anew.
         """
+        visitors = self._meshcat.GetNumActiveConnections()
+        if self._view is not None and visitors > self._num_visitors:
+            # Meshcat tells those who come late where its camera is, but not where it looks to.
+            SetView(self._meshcat, *self._view)
+        self._num_visitors = visitors
         before, began = self._last
         while not is_ended():
             if self._can_reset and self._meshcat.GetButtonClicks(_RESET):
