@@ -45,7 +45,7 @@ def test_a_run_that_is_shown_recorded_and_filmed_is_the_same_to_the_last_bit(tmp
     assert meshcat.HasPath("hypotheses/0") and meshcat.HasPath("cameras/left")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "<html" in page[:500]
-    assert meshcat.GetSliderValue("fitness (shown)") == pytest.approx(alone.fitness[-1], abs=1e-3)
+    assert meshcat.GetSliderValue("= fitness") == pytest.approx(alone.fitness[-1], abs=1e-3)
 
 
 @pytest.mark.parametrize("command", ["run", "servo"])
@@ -81,8 +81,8 @@ class VisitedPage(Meshcat):
 
     def SetSliderValue(self, name, value):
         super().SetSliderValue(name, value)
-        self.told += name == "fitness (shown)"
-        if self.told == 5 and name == "fitness (shown)":
+        self.told += name == "= fitness"
+        if self.told == 5 and name == "= fitness":
             self._InjectWebsocketMessage(b"\x82\xa4type\xa6button\xa4name\xa5reset")
 
 

@@ -188,9 +188,11 @@ def test_a_slow_pace_waits_for_the_wall_clock(meshcat):
 def test_the_gauges_show_what_the_recognition_says(meshcat):
     controls = LiveControls(meshcat)
     controls.Tell(0.75, 0.5, TrackingState.TRACKING)
-    assert meshcat.GetSliderValue("fitness (shown)") == 0.75
-    assert meshcat.GetSliderValue("confidence (shown)") == 0.5
+    assert meshcat.GetSliderValue("= fitness") == 0.75
+    assert meshcat.GetSliderValue("= confidence") == 0.5
     assert "state: tracking" in meshcat.GetButtonNames()
     controls.Tell(0.25, float("nan"), TrackingState.LOST)
-    assert meshcat.GetSliderValue("confidence (shown)") == 0.0
-    assert [name for name in meshcat.GetButtonNames() if "state" in name] == ["state: lost"]
+    assert meshcat.GetSliderValue("= confidence") == 0.0
+    assert [name for name in meshcat.GetButtonNames() if "state" in name] == [
+        "state: lost, confidence unknown"
+    ]

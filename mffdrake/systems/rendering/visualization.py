@@ -213,8 +213,8 @@ class SceneView:
             cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
 
 
-PAGE_VIEW = ((1.1, -1.25, 0.95), SceneView.look_at)
-"""Where a page looks from and to [m], which sees more at once than `SceneView`."""
+PAGE_VIEW = ((1.1, -1.25, 0.95), (1.1, 0.0, 0.45))
+"""Where a page looks from and to [m]: its wide angle, and its panel on the right, need their own."""
 
 
 def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:

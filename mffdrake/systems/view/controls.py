@@ -15,8 +15,8 @@ from mffdrake.systems.view.pose_view import SetView
 __all__ = ["LiveControls"]
 
 _PAUSE, _STEP, _RESET = "pause / go on", "step", "reset"
-_SPEED = "speed [x real time, 0: as fast as it goes]"
-_FITNESS, _CONFIDENCE = "fitness (shown)", "confidence (shown)"
+_SPEED = "speed (0 max)"  # times real time; a page shows no longer names
+_FITNESS, _CONFIDENCE = "= fitness", "= confidence"
 _POLL = 0.01  # Wall time between two looks at the buttons [s].
 
 
@@ -65,12 +65,13 @@ class LiveControls:
 
         Args:
             fitness: The pose's fitness, 0 to 1.
-            confidence: That it is right, 0 to 1; NaN, which is shown as 0, where it is not known.
+            confidence: That it is right, 0 to 1; NaN, shown as 0 and beside the state, where it is not known.
             state: What the tracker says of it.
         """
         self._meshcat.SetSliderValue(_FITNESS, fitness)
         self._meshcat.SetSliderValue(_CONFIDENCE, 0.0 if math.isnan(confidence) else confidence)
-        wanted = f"state: {state.name.lower()}"
+        unknown = ", confidence unknown" if math.isnan(confidence) else ""
+        wanted = f"state: {state.name.lower()}{unknown}"
         shown = [name for name in self._meshcat.GetButtonNames() if name.startswith("state: ")]
         if shown != [wanted]:
             for name in shown:
