@@ -214,7 +214,7 @@ class SceneView:
 
 
 PAGE_VIEW = ((1.1, -1.25, 0.95), (1.1, 0.0, 0.45))
-"""Where a page looks from and to [m]: its wide angle, and its panel on the right, need their own."""
+"""Where a page looks from and to [m]; it has a wide angle, and a panel on the right."""
 
 
 def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:

@@ -65,7 +65,8 @@ class LiveControls:
 
         Args:
             fitness: The pose's fitness, 0 to 1.
-            confidence: That it is right, 0 to 1; NaN, shown as 0 and beside the state, where it is not known.
+            confidence: That it is right, 0 to 1; NaN, which is shown as 0 and told beside the
+                state, where it is not known.
             state: What the tracker says of it.
         """
         self._meshcat.SetSliderValue(_FITNESS, fitness)
