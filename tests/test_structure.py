@@ -24,7 +24,10 @@ MODULES = [
     if info.name != "mffdrake.__main__"  # It runs the command line.
 ]
 PRINTING = {
-    *(f"experiment/commands/{name}.py" for name in ("calibrate", "main", "many", "run", "target", "track")),
+    *(
+        f"experiment/commands/{name}.py"
+        for name in ("calibrate", "main", "many", "one", "run", "target", "track")
+    ),
     "systems/rendering/graphics_probe.py",
 }  # fmt: skip
 
@@ -64,8 +67,8 @@ ORDERS = {
         "acquisition", "tracking", "recordings", "ros",
     ],
     "systems": [
-        "cameras", "rendering", "arms", "clutter", "disturbances", "target_motion", "control",
-        "vision",
+        "cameras", "view", "rendering", "arms", "clutter", "disturbances", "target_motion",
+        "control", "vision",
     ],
     "experiment": ["scenario", "simulation", "runs", "paper", "commands"],
 }  # fmt: skip
@@ -242,7 +245,8 @@ USERS = [
     for folder in ("tests", "benchmarks", "examples")
     for source in sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
 ]
-OTHERS = re.compile(r"_replace|_GetPacked\w+")  # named tuples', and Meshcat's for tests
+# Those of named tuples, and Meshcat's for tests
+OTHERS = re.compile(r"_replace|_GetPacked\w+|_InjectWebsocketMessage")
 
 
 def is_private(name):

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from confidence.frames import Array, Frames
+from mffdrake.experiment.simulation.style import PALETTE
 
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 1.0)
 Z = 1.959964  # of a normal distribution's middle 95 %
@@ -57,9 +58,9 @@ def plot(curve: Sequence[Bin]) -> Figure:
     x, shares, *ends = points.clip(least, most).T
     line = 1.0 / (1.0 + np.exp(-np.linspace(-6.0, 9.0, 100)))
     above.plot(line, line, color="0.6", linestyle="--", label="as told")
-    above.vlines(x, *ends, color="tab:blue", linewidth=1.5, label="95 % interval")
+    above.vlines(x, *ends, color=PALETTE["blue"], linewidth=1.5, label="95 % interval")
     label = "share (at the border where 0 or 1)"
-    above.plot(x, shares, "o", color="tab:blue", label=label, clip_on=False, zorder=3)
+    above.plot(x, shares, "o", color=PALETTE["blue"], label=label, clip_on=False, zorder=3)
     ticks = [0.01, 0.1, 0.5, 0.9, 0.99, 0.999]
     for axis in (above.xaxis, above.yaxis):
         axis.axes.set(**{f"{axis.axis_name}scale": "logit"})

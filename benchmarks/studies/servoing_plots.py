@@ -7,15 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from mffdrake.experiment.simulation.style import METHOD_COLORS
+from mffdrake.experiment.simulation.style import COLORS as POSE_COLORS
+from mffdrake.experiment.simulation.style import METHOD_COLORS, PALETTE
 
-COLORS = {**METHOD_COLORS, "true pose": "0.4"}
+COLORS = {**METHOD_COLORS, "true pose": POSE_COLORS["true"]}
 
 
 def decay(curves: Mapping[str, tuple[np.ndarray, np.ndarray]], label: str) -> Figure:
     """The hand's error over time, each of some cases."""
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     axis = figure.subplots()
+    axis.set_prop_cycle(color=list(PALETTE.values()))
     for name, (time, error) in curves.items():
         axis.semilogy(time, np.maximum(error, 0.01), label=name, color=COLORS.get(name), lw=1.2)
     axis.set_xlabel(label)

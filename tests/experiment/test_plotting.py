@@ -13,7 +13,7 @@ import pytest
 from mffdrake.experiment.runs.pictures import PlotComparison, PlotErrors
 from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
-from mffdrake.experiment.simulation.pictures import DrawCameraView, DrawScene
+from mffdrake.experiment.simulation.pictures import DescribeFrame, DrawCameraView, DrawScene
 from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, SaveFigure
 from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
@@ -118,7 +118,19 @@ def test_a_wild_guess_does_not_hide_the_rest():
     result = make_result()
     calm = [axis.get_ylim() for axis in PlotPose([result]).axes]
     result.recognized_pose[0] = 100.0
-    assert [axis.get_ylim() for axis in PlotPose([result]).axes] == calm
+    figure = PlotPose([result])
+    assert [axis.get_ylim() for axis in figure.axes] == calm
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "true", "MFF + 1-step GA", "beyond the panel",
+    ]  # fmt: skip
+    for axis in figure.axes[:6]:  # A mark on the border says where it is.
+        mark = curves(axis)["beyond the panel"]
+        assert (*mark.get_xdata(), *mark.get_ydata()) == (0.0, axis.get_ylim()[1])
+
+
+def test_what_stays_in_the_panels_is_not_marked():
+    for axis in PlotPose([make_result()]).axes:
+        assert "beyond the panel" not in curves(axis)
 
 
 def test_errors_have_a_panel_for_each_speed():
@@ -132,6 +144,9 @@ def test_errors_have_a_panel_for_each_speed():
     for axis, pair in zip(figure.axes, (results[:2], results[2:]), strict=True):
         assert axis.get_yscale() == "log"
         lines = curves(axis)
+        legend = [text.get_text() for text in axis.get_legend().get_texts()]
+        assert legend[-1] == "settled from here on"
+        assert lines[legend[-1]].get_xdata()[0] == 5.0
         for name, result in zip(
             ("1-step GA, seed 0", "MFF + 1-step GA, seed 0"), pair, strict=True
         ):
@@ -351,11 +366,12 @@ def test_views_stand_by_where_their_cameras_look_from(view):
     drawn = DrawViews(images, pose, matcher.solid, matcher.rig)
     for k, half in ((1, drawn[:, :320]), (0, drawn[:, 320:])):
         outlined = DrawOutline(images[k], pose, matcher.solid, matcher.rig.cameras[k])
-        differs = np.any(half != outlined, axis=2)
+        differs = np.any(half != outlined, axis=2)[:, 1:-1]  # without the line between them
         rows, columns = np.nonzero(differs)
         assert 50 < differs.sum() < 2000 and rows.max() < 30 and columns.max() < 100  # the name
     plain = DrawViews(images, None, matcher.solid, matcher.rig)
-    np.testing.assert_array_equal(plain[30:, 320:], images[0][30:, :, :3])
+    np.testing.assert_array_equal(plain[30:, 321:], images[0][30:, 1:, :3])
+    assert (plain[:, 319] == 0).all() and (plain[:, 320] == 255).all()
 
 
 def test_views_of_another_number_and_of_different_heights(view):
@@ -368,11 +384,11 @@ def test_views_of_another_number_and_of_different_heights(view):
     small = np.ascontiguousarray(images[1][::2, ::2])
     drawn = DrawViews((*images, small), pose, matcher.solid, CameraRig((right, left, half)))
     assert drawn.shape == (240, 320 + 160 + 320, 3)
-    between = drawn[:, 320:480]
+    between = drawn[:, 321:479]
     assert not between[120:].any()
     assert between[:120].any()
     one = DrawViews(images[:1], pose, matcher.solid, CameraRig((right,)))
-    np.testing.assert_array_equal(one, drawn[:, 480:])
+    np.testing.assert_array_equal(one[:, 1:], drawn[:, 481:])
     with pytest.raises(ValueError):
         DrawViews(images, pose, matcher.solid, CameraRig((right,)))
 
@@ -398,6 +414,19 @@ def test_the_camera_view_shows_both_images_with_the_recognized_pose(run):
         for half in np.split(colorful, 2, axis=1):
             assert 0.02 < half.mean() < 0.5
     assert np.any(images[0] != images[1])
+
+
+def test_a_caption_stands_below_the_camera_view_and_hides_nothing_of_it(run):
+    diagram, scenario, result = run
+    plain = DrawCameraView(diagram, scenario, result)
+    told = DrawCameraView(diagram, scenario, result, caption=True)
+    assert told.shape == (128, 320, 3)
+    np.testing.assert_array_equal(told[:120], plain)
+    assert np.ptp(told[120:, :20]) > 200  # a piece of the outline, black and white
+    assert np.ptp(told[120:, 125:]) > 50  # the numbers
+    line = DescribeFrame(result, -1)
+    assert line.startswith("t 0.30 s   fitness 0.") or line.startswith("t 0.30 s   fitness 1.")
+    assert re.search(r"off \d+\.\d mm, \d+\.\d deg   (searching|tracking|\w+)$", line)
 
 
 def test_the_scene_shows_the_arm_and_the_target(run):

@@ -62,7 +62,7 @@ def test_its_ports_are_those_of_its_docs(visualizer):
     docs = yaml.safe_load(block[1])
     assert docs["name"] == type(visualizer).__name__
     names = [visualizer.get_input_port(k).get_name() for k in range(visualizer.num_input_ports())]
-    assert names == docs["input_ports"]
+    assert names == [name.removesuffix(" (optional)") for name in docs["input_ports"]]
     assert visualizer.num_output_ports() == 0
     assert "output_ports" not in docs
 

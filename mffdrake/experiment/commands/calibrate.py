@@ -38,7 +38,7 @@ def RunCalibrate(options: argparse.Namespace) -> int:
     """Calibrates, and prints what came out."""
     import numpy as np
 
-    from mffdrake.experiment.commands.arguments import ArgumentsError
+    from mffdrake.experiment.commands.options.arguments import ArgumentsError
     from mffdrake.recognition.camera.hand_eye import calibrate_hand_eye
     from mffdrake.recognition.poses.pose import quaternion_scalar, transform_from_pose
     from mffdrake.recognition.recordings.trajectory import LoadTrajectory, PoseAt

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mffdrake.experiment.commands.arguments import GivenOptions
-from mffdrake.experiment.commands.run import SimulateOne, WriteScenario
+from mffdrake.experiment.commands.one import SimulateOne, WriteScenario
+from mffdrake.experiment.commands.options.arguments import GivenOptions
 from mffdrake.experiment.paper.report.report import WriteReport
 from mffdrake.experiment.paper.report.tables import SummaryLines
 from mffdrake.experiment.paper.studies import MakeStudies

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mffdrake.experiment.commands.arguments import (
+from mffdrake.experiment.commands.options.arguments import (
     ArgumentsError,
     ImagesByCamera,
     LoadTarget,

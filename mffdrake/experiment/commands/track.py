@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from mffdrake.experiment.commands.arguments import (
+from mffdrake.experiment.commands.one import WatchTracking
+from mffdrake.experiment.commands.options.arguments import (
     ArgumentsError,
     ImagesByCamera,
     LoadTarget,
@@ -58,6 +59,7 @@ def RunTrack(options: argparse.Namespace) -> int:
     matcher = tracker.ga.matcher
     folder = MakeOutputFolder(options.out)
     tracked: list[TrackedFrame] = []
+    watch = WatchTracking(tracker, options) if options.meshcat else None
     try:
         with (
             _Bars(recording.count, options.generations) as (on_frame, on_generation),
@@ -79,6 +81,8 @@ def RunTrack(options: argparse.Namespace) -> int:
                 if len(tracked) > 1:
                     tracked[-2] = tracked[-2].WithoutImages()
                 on_frame(estimate.fitness)
+                if watch is not None:
+                    watch(frame)
     finally:
         if tracked:
             _Write(tracked, tracker, options, folder)

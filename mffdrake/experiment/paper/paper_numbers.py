@@ -60,7 +60,7 @@ def ReachesPaper(cell: str, ours: float, paper: float) -> bool:
 
 
 def Verdict(cell: str, ours: float | None, paper: float) -> str:
-    """How a number compares with the paper's, in plain words.
+    """How a number compares with the paper's, in short.
 
     Args:
         cell: One of `CELLS`, or another error.
@@ -68,23 +68,23 @@ def Verdict(cell: str, ours: float | None, paper: float) -> str:
         paper: The paper's, positive.
 
     Returns:
-        The words.
+        "ok" where it is at least as good, otherwise the factor of an error and the difference of
+        the fitness; "-" where there is no number.
 
     Example:
         >>> Verdict("z_mm", 1.5, 2.85), Verdict("z_mm", 5.7, 2.85)
-        ("at or below the paper's", 'above: 2.0 times')
+        ('ok', 'x2.0')
         >>> Verdict("mean_fitness", 0.99, 0.98), Verdict("mean_fitness", 0.95, 0.98)
-        ("at or above the paper's", 'below by 0.030')
+        ('ok', '-0.030')
     """
     if ours is None:
-        return "no number"
-    if cell == "mean_fitness":
-        reached = ReachesPaper(cell, ours, paper)
-        return "at or above the paper's" if reached else f"below by {paper - ours:.3f}"
+        return "-"
     if ReachesPaper(cell, ours, paper):
-        return "at or below the paper's"
+        return "ok"
+    if cell == "mean_fitness":
+        return f"-{paper - ours:.3f}"
     ratio = ours / paper
-    return f"above: {ratio:.1f} times" if ratio >= 1.05 else f"above: {ratio:.3f} times"
+    return f"x{ratio:.1f}" if ratio >= 1.05 else f"x{ratio:.3f}"
 
 
 def InvarianceRatio(slow: float | None, fast: float | None) -> float | None:

@@ -36,7 +36,7 @@ def PlotErrors(results: Sequence[SimulationResult]) -> Figure:
     """
     scenarios = [LoadScenario(text=result.scenario) for result in results]
     speeds = list(dict.fromkeys(scenario.hand_path.omega for scenario in scenarios))
-    figure, axes = NewFigure(len(speeds), 1, (10.0, 2.6 * len(speeds)))
+    figure, axes = NewFigure(len(speeds), 1, (12.0, 2.6 * len(speeds)))
     for axis, omega in zip(axes[:, 0], speeds, strict=True):
         for result, scenario in zip(results, scenarios, strict=True):
             if scenario.hand_path.omega == omega:
@@ -48,11 +48,13 @@ def PlotErrors(results: Sequence[SimulationResult]) -> Figure:
                     label=f"{METHOD_NAMES[scenario.method]}, seed {scenario.seed}",
                     linewidth=0.8,
                 )
-        axis.axvline(SETTLED_AFTER, color="gray", linestyle=":", linewidth=1)
+        axis.axvline(
+            SETTLED_AFTER, color="gray", linestyle=":", linewidth=1, label="settled from here on"
+        )
         axis.set_title(f"omega = {omega:g} rad/s")
         axis.set_ylabel("position error [mm]")
         axis.grid(alpha=0.3, which="both")
-        axis.legend(loc="upper right")
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # where it hides nothing
     axes[-1, 0].set_xlabel("time [s]")
     return figure
 

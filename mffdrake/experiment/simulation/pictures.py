@@ -12,10 +12,12 @@ from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario
 from mffdrake.experiment.simulation.simulation import SimulationResult
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
 from mffdrake.experiment.simulation.wiring.target import LoadSolid, ReadScenarioMesh
-from mffdrake.recognition.visibility.outline import DrawViews
+from mffdrake.recognition import TrackingState
+from mffdrake.recognition.poses.pose import pose_errors
+from mffdrake.recognition.visibility.outline import AddCaption, DrawViews
 from mffdrake.systems.rendering.visualization import SceneView
 
-__all__ = ["DrawCameraView", "DrawScene"]
+__all__ = ["Describe", "DescribeFrame", "DrawCameraView", "DrawScene"]
 
 
 def DrawCameraView(
@@ -25,6 +27,7 @@ def DrawCameraView(
     frame: int = -1,
     *,
     images: Sequence[NDArray[np.uint8]] | None = None,
+    caption: bool = False,
 ) -> NDArray[np.uint8]:
     """Both cameras' images at a frame, with the recognized pose's outline over them.
 
@@ -34,9 +37,11 @@ def DrawCameraView(
         result: Its record.
         frame: Which frame; the last by default.
         images: What the cameras saw then; drawn anew without, where late and lost images are not.
+        caption: Whether to tell the time, the figures and what the outline is, in a strip below.
 
     Returns:
-        An RGB image, the left camera's on the left, shape (height, 2 width, 3); see `DrawViews`.
+        An RGB image, the left camera's on the left, shape (height, 2 width, 3); see `DrawViews`
+        and `AddCaption`.
     """
     rig = diagram.GetSubsystemByName("recognizer").tracker.rig
     if images is None:
@@ -46,7 +51,42 @@ def DrawCameraView(
             for name in rig.names
         ]
     solid = LoadSolid(ReadScenarioMesh(scenario))
-    return DrawViews(images, result.recognized_pose[frame], solid, rig)
+    views = DrawViews(images, result.recognized_pose[frame], solid, rig)
+    return AddCaption(views, DescribeFrame(result, frame)) if caption else views
+
+
+def DescribeFrame(result: SimulationResult, frame: int) -> str:
+    """A frame's time, fitness, error and state as a line of text.
+
+    Args:
+        result: The record.
+        frame: Which frame; negative ones count from the end.
+    """
+    return Describe(
+        result.time[frame], result.fitness[frame], result.state[frame],
+        result.true_pose[frame], result.recognized_pose[frame],
+    )  # fmt: skip
+
+
+def Describe(
+    time: float,
+    fitness: float,
+    state: float,
+    true_pose: NDArray[np.float64],
+    recognized_pose: NDArray[np.float64],
+) -> str:
+    """The same of a frame's numbers; for their meaning see `SimulationResult`.
+
+    Example:
+        >>> Describe(1.0, 0.5, 1.0, np.zeros(6), np.zeros(6))
+        't 1.00 s   fitness 0.50   off 0.0 mm, 0.0 deg   tracking'
+    """
+    distance, angle = pose_errors(true_pose, recognized_pose)
+    name = "" if np.isnan(state) else f"   {TrackingState(int(state)).name.lower()}"
+    return (
+        f"t {time:.2f} s   fitness {fitness:.2f}   "
+        f"off {1e3 * distance:.1f} mm, {np.degrees(angle):.1f} deg{name}"
+    )
 
 
 def DrawScene(

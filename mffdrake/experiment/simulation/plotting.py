@@ -13,6 +13,7 @@ from mffdrake.experiment.scenario.scenario import LoadScenario
 from mffdrake.experiment.simulation.recovery import CalcHandErrors, WantedPose
 from mffdrake.experiment.simulation.simulation import SimulationResult
 from mffdrake.experiment.simulation.style import (
+    COLORS,
     COORDINATES,
     METHOD_COLORS,
     METHOD_NAMES,
@@ -37,7 +38,7 @@ __all__ = [
     "SixPanels",
 ]
 
-_TRUE: dict[str, Any] = {"color": "0.7", "linewidth": 3.0, "label": "true"}
+_TRUE: dict[str, Any] = {"color": COLORS["true"], "linewidth": 3.0, "label": "true"}
 
 
 def SaveFigure(figure: Figure, path: Path | str) -> None:
@@ -80,8 +81,12 @@ def PlotHandPath(result: SimulationResult) -> Figure:
     omega = LoadScenario(text=result.scenario).hand_path.omega
     figure, axes = SixPanels(f"Hand pose in the first hand frame, omega = {omega:g} rad/s")
     for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
-        axis.plot(result.time, scale * result.actual_hand_pose[:, k], "tab:blue", label="actual")
-        axis.plot(result.time, scale * result.desired_hand_pose[:, k], "k--", lw=1, label="desired")
+        for name, style, pose in (
+            ("actual", "-", result.actual_hand_pose), ("desired", "--", result.desired_hand_pose),
+        ):  # fmt: skip
+            axis.plot(
+                result.time, scale * pose[:, k], style, color=COLORS[name], lw=1.2, label=name
+            )
         _WidenFlat(axis, 5.0 if k < 3 else 0.01)
     axes[0].legend()
     return figure
@@ -96,7 +101,7 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
     Returns:
         The figure: seven panels over time, the fitness below the others. The range of each follows
         the true pose (a wide gray line), so that wild guesses at the start run out of the panel
-        instead of hiding the rest.
+        instead of hiding the rest; triangles at its border tell when.
     """
     from matplotlib.figure import Figure
 
@@ -121,6 +126,9 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         room = max(np.ptp(true), 40.0 if k < 3 else 0.08)
         axis.set_ylim(true.min() - 0.6 * room, true.max() + 0.6 * room)
         axis.set_ylabel(label)
+        for result in results:
+            color = METHOD_COLORS[LoadScenario(text=result.scenario).method]
+            _MarkClipped(axis, result.time, scale * result.recognized_pose[:, k], color)
     for result in results:
         method = LoadScenario(text=result.scenario).method
         axes[6].plot(result.time, result.fitness, color=METHOD_COLORS[method], linewidth=0.8)
@@ -130,8 +138,8 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.margins(x=0.01)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    named = _CurvesByName(axes[:6])
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named))
     figure.align_ylabels()
     return figure
 
@@ -149,17 +157,22 @@ def PlotFollowing(result: SimulationResult) -> Figure:
     )
     wanted = WantedPose(scenario)
     for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
-        axis.plot(result.time, scale * result.true_pose[:, k], color="0.75", lw=4, label="true")
         axis.plot(
-            result.time, scale * result.recognized_pose[:, k], "tab:blue", lw=0.9,
-            label="recognized",
+            result.time, scale * result.true_pose[:, k], color=COLORS["true"], lw=4, label="true"
+        )
+        axis.plot(
+            result.time, scale * result.recognized_pose[:, k], color=COLORS["recognized"],
+            lw=0.9, label="recognized",
         )  # fmt: skip
         axis.axhline(scale * wanted[k], color="k", ls="--", lw=1, label="wanted")
         room = max(np.ptp(scale * result.true_pose[:, k]), 10.0 if k < 3 else 0.02)
         middle = scale * wanted[k]
         low = min(middle, scale * result.true_pose[:, k].min()) - 0.3 * room
         axis.set_ylim(low, max(middle, scale * result.true_pose[:, k].max()) + 0.3 * room)
-    axes[0].legend()
+        recognized = scale * result.recognized_pose[:, k]
+        _MarkClipped(axis, result.time, recognized, COLORS["recognized"])
+    named = _CurvesByName(axes)
+    axes[0].legend(named.values(), named.keys())
     return figure
 
 
@@ -178,9 +191,10 @@ def PlotHandError(result: SimulationResult) -> Figure:
         (below, np.degrees(angles), np.degrees(turned), "rotation error [deg]"),
     ):
         for values, color, width, name in (
-            (hand, "tab:orange", 1.2, "hand"), (seen, "tab:blue", 0.8, "recognition"),
+            (hand, COLORS["actual"], 1.2, "hand"), (seen, COLORS["recognized"], 0.8, "recognition"),
         ):  # fmt: skip
-            axis.semilogy(result.time, np.maximum(values, 1e-3), color, lw=width, label=name)
+            shown = np.maximum(values, 1e-3)
+            axis.semilogy(result.time, shown, color=color, lw=width, label=name)
         axis.set_ylabel(label)
         axis.grid(alpha=0.3, which="both")
         axis.margins(x=0.01)
@@ -199,9 +213,11 @@ def PlotSpace(result: SimulationResult) -> Figure:
     figure, axes = NewFigure(1, 2, (11.0, 5.0))
     actual, desired = 1e3 * result.actual_hand_pose, 1e3 * result.desired_hand_pose
     for axis, (a, b) in zip(axes[0], ((0, 2), (0, 1)), strict=True):
-        axis.plot(desired[:, a], desired[:, b], "k--", lw=1.2, label="desired")
-        axis.plot(actual[:, a], actual[:, b], "tab:blue", lw=1.0, label="actual")
-        axis.plot(*actual[0, [a, b]], "o", color="tab:green", label="start")
+        axis.plot(
+            desired[:, a], desired[:, b], "--", color=COLORS["desired"], lw=1.2, label="desired"
+        )
+        axis.plot(actual[:, a], actual[:, b], color=COLORS["actual"], lw=1.0, label="actual")
+        axis.plot(*actual[0, [a, b]], "o", color=COLORS["start"], label="start")
         axis.set_xlabel(f"{'xyz'[a]} [mm]")
         axis.set_ylabel(f"{'xyz'[b]} [mm]")
         axis.grid(alpha=0.3)
@@ -225,8 +241,30 @@ def PlotTrack(
     """
     figure, axes = SixPanels(f"Recognized pose; mean fitness {fitness.mean():.3f}")
     for k, (axis, (_, scale)) in enumerate(zip(axes, COORDINATES, strict=True)):
-        axis.plot(times, scale * poses[:, k], color="tab:blue", linewidth=1.0)
+        axis.plot(times, scale * poses[:, k], color=COLORS["recognized"], linewidth=1.0)
     return figure
+
+
+def _MarkClipped(
+    axis: Axes, time: NDArray[np.float64], values: NDArray[np.float64], color: str
+) -> None:
+    """Marks at a panel's border where a curve is outside of it; its limits are set already."""
+    low, high = axis.get_ylim()
+    for outside, border, marker in ((values > high, high, "^"), (values < low, low, "v")):
+        if outside.any():
+            axis.plot(
+                time[outside], np.full(np.count_nonzero(outside), border), marker, color=color,
+                markersize=4, clip_on=False, label="beyond the panel",
+            )  # fmt: skip
+
+
+def _CurvesByName(axes: Sequence[Axes]) -> dict[str, Any]:
+    """What to put into the legend of several panels, each name once."""
+    named: dict[str, Any] = {}
+    for axis in axes:  # Not every panel has triangles.
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    return named
 
 
 def _WidenFlat(axis: Axes, least: float) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
@@ -21,7 +22,7 @@ from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
 from mffdrake.systems.lifetime import FreedDiagram
 
-__all__ = ["STAGES", "Simulate", "SimulationResult"]
+__all__ = ["STAGES", "Simulate", "SimulationResult", "TruePose"]
 
 Array = NDArray[np.float64]
 
@@ -175,6 +176,38 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
     tracker.track(tracker.start_population(images, frame=0), images, frame=1)
 
 
+class TruePose:
+    """Tells where the target truly was in the first camera C when its images were exposed.
+
+    Args:
+        scenario: The scenario.
+        diagram: Its diagram.
+    """
+
+    def __init__(self, scenario: Scenario, diagram: Diagram) -> None:
+        self._plant = diagram.GetSubsystemByName("plant")
+        arm = self._plant.GetModelInstanceByName(scenario.arm.model)
+        reference = MakeMounts(scenario)[0]
+        self._camera = self._plant.GetFrameByName(reference.frame_name, arm)
+        self._num_joints = self._plant.num_positions()
+        # What the images show, with a delayed camera, is posed apart.
+        self._exposed_state = diagram.GetOutputPort("exposed_state")
+        self._exposed_context = self._plant.CreateDefaultContext()
+        self._target, self._latency = scenario.target, reference.latency
+
+    def Calc(self, context: Context, frame_time: float) -> RigidTransform:
+        """X_CM of the images that a recognizer reads at a frame.
+
+        Args:
+            context: The diagram's, just before that.
+            frame_time: The frame's time [s].
+        """
+        exposed = self._exposed_state.Eval(context)
+        self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
+        X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
+        return X_WC.InvertAndCompose(self._target.CalcPose(frame_time - self._latency))
+
+
 class _Recorder:
     """Collects the frames and the stages' wall times.
 
@@ -189,13 +222,8 @@ class _Recorder:
         self._plant_context = self._plant.GetMyContextFromRoot(context)
         arm = self._plant.GetModelInstanceByName(scenario.arm.model)
         self._hand = self._plant.GetFrameByName(scenario.arm.hand_frame, arm)
-        reference = MakeMounts(scenario)[0]
-        self._camera = self._plant.GetFrameByName(reference.frame_name, arm)
         self._num_joints = self._plant.num_positions()
-        # What the images show, with a delayed camera, is posed apart.
-        self._exposed_state = diagram.GetOutputPort("exposed_state")
-        self._exposed_context = self._plant.CreateDefaultContext()
-        self._target, self._latency = scenario.target, reference.latency
+        self._true_pose = TruePose(scenario, diagram)
         self._desired_hand = MakeDesiredHand(scenario)
         self._X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
         self._recognizer = diagram.GetSubsystemByName("recognizer")
@@ -231,15 +259,12 @@ class _Recorder:
         self._marks = [time.perf_counter()]
         state = self._plant.get_state_output_port().Eval(self._plant_context)
         X_WE = self._hand.CalcPoseInWorld(self._plant_context)
-        exposed = self._exposed_state.Eval(self._diagram_context)
-        self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
-        X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
-        X_WM = self._target.CalcPose(frame_time - self._latency)
+        X_CM = self._true_pose.Calc(self._diagram_context, frame_time)
         for name, value in (
             ("time", frame_time),
             ("joint_positions", state[: self._num_joints]),
             ("joint_velocities", state[self._num_joints :]),
-            ("true_pose", X_WC.InvertAndCompose(X_WM).GetAsMatrix34()),
+            ("true_pose", X_CM.GetAsMatrix34()),
             ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
             (
                 "desired_hand_pose",

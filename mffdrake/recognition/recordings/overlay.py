@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.recordings.image_files import RemoveNumbered, SaveImage
 
-__all__ = ["OVERLAYS", "MakeOverlay"]
+__all__ = ["OVERLAYS", "MakeOverlay", "MakeVideo"]
 
 OVERLAYS = ("images", "video")
 """How frames are drawn: a PNG each, or one MP4."""
@@ -44,21 +44,32 @@ def MakeOverlay(
         RemoveNumbered(folder / "overlay")
         yield lambda frame, view: SaveImage(view, folder / "overlay" / f"{frame:06d}.png")
     elif kind == "video":
-        with _Video(folder / "overlay.mp4", rate) as add:
-            yield add
+        with MakeVideo(folder / "overlay.mp4", rate) as add:
+            yield lambda frame, view: add(view)
     else:
         yield lambda frame, view: None
 
 
 @contextmanager
-def _Video(path: Path, rate: float) -> Iterator[Callable[[int, Image], None]]:
-    """A video, which is there whole in the end."""
+def MakeVideo(path: Path, rate: float) -> Iterator[Callable[[Image], None]]:
+    """A video of pictures of one size, which is there whole in the end.
+
+    Args:
+        path: The MP4 file.
+        rate: Its frames a second, from 0.1 to 500; what is beyond is played at that.
+
+    Yields:
+        A function that takes the next RGB picture; what is odd in its size is padded by a pixel.
+
+    Raises:
+        OSError: When it cannot be written.
+    """
     import cv2
 
     writers: list[cv2.VideoWriter] = []
     with WholeFile(path) as part:
 
-        def Add(frame: int, view: Image) -> None:
+        def Add(view: Image) -> None:
             height, width = view.shape[:2]
             even = np.pad(view, ((0, height % 2), (0, width % 2), (0, 0)))  # as the codec wants it
             if not writers:

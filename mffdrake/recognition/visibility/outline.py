@@ -11,12 +11,13 @@ from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.solid.solid_model import SolidModel
 
-__all__ = ["DrawOutline", "DrawViews"]
+__all__ = ["AddCaption", "DrawOutline", "DrawViews"]
 
 Image = NDArray[np.uint8]
 
 _PIECES = 16  # of an edge that the lens bends
 _SUBPIXELS = 4  # bits of a drawn coordinate's fraction
+_LEGEND = "outline of the recognized pose"
 
 
 def DrawOutline(image: Image, pose: ArrayLike, solid: SolidModel, camera: Camera) -> Image:
@@ -77,7 +78,7 @@ def DrawViews(
 
     Returns:
         An RGB image, as high as the highest image; cameras stand by where they look from, those
-        on the rig's left (at less x) first.
+        on the rig's left (at less x) first, with a line between them.
 
     Raises:
         ValueError: When there are more or fewer images than cameras.
@@ -105,4 +106,43 @@ def DrawViews(
     height = max(view.shape[0] for view in views)
     padded = [np.pad(v, ((0, height - v.shape[0]), (0, 0), (0, 0))) for v in views]
     order = np.argsort([camera.p_CK[0] for camera in rig.cameras], kind="stable")
-    return np.hstack([padded[k] for k in order])
+    drawn = np.hstack([padded[k] for k in order])
+    thick = max(1, round(height / 240))
+    for seam in np.cumsum([padded[k].shape[1] for k in order])[:-1].tolist():
+        drawn[:, seam - thick : seam], drawn[:, seam : seam + thick] = 0, 255
+    return drawn
+
+
+def AddCaption(views: Image, text: str) -> Image:
+    """A strip below views: what the outline is, and a line of text.
+
+    Args:
+        views: An RGB image of `DrawViews`, shape (height, width, 3).
+        text: The line; letters that are not ASCII show as question marks.
+
+    Returns:
+        An RGB image of the same width, a fifteenth higher.
+
+    Example:
+        >>> AddCaption(np.zeros((480, 1280, 3), dtype=np.uint8), "t = 1.2 s").shape
+        (512, 1280, 3)
+    """
+    import cv2
+
+    height, width = views.shape[:2]
+    strip = np.full((max(1, round(height / 15)), width, 3), 40, dtype=np.uint8)
+    high, middle, font = len(strip), len(strip) // 2, cv2.FONT_HERSHEY_SIMPLEX
+    scale, line = high / 50.0, (high, 2 * high)
+    for color, thickness in (((255, 255, 255), max(2, high // 8)), ((0, 0, 0), max(1, high // 16))):
+        cv2.line(strip, (line[0] // 2, middle), (line[1], middle), color, thickness, cv2.LINE_AA)
+    start = line[1] + high // 2
+    (legend, _), _ = cv2.getTextSize(_LEGEND, font, scale, 1)
+    for words, left, room in (
+        (_LEGEND, start, width - start),
+        (text, start + legend + high, width - start - legend - 2 * high),
+    ):
+        needed = cv2.getTextSize(words, font, scale, 1)[0][0]
+        fitting = scale * min(1.0, max(room, 1) / max(needed, 1))
+        place = (left, middle + round(11 * fitting))
+        cv2.putText(strip, words, place, font, fitting, (255, 255, 255), 1, cv2.LINE_AA)
+    return np.vstack([views, strip])

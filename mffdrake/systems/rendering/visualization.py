@@ -14,14 +14,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
-    Cylinder,
     FrameId,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
     QueryObject,
     RenderCameraCore,
-    Rgba,
     SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
@@ -30,21 +28,22 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.sensors import CameraInfo
 
-from mffdrake.recognition.camera.cameras import Camera
+from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
+from mffdrake.recognition.solid.solid_model import SolidModel
+from mffdrake.systems.view.pose_view import PoseView, SetView
 
-__all__ = ["AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView"]
+__all__ = [
+    "PAGE_VIEW", "AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView",
+]  # fmt: skip
 
 _PUBLISH_PERIOD = 0.033
-_GHOST_SCALE = 1.02  # A little larger than the target, so that their faces do not flicker.
-_GHOST_OPACITY = 0.5
-_AXIS_LENGTH, _AXIS_RADIUS = 0.2, 0.003
 _VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
 class PoseEstimateVisualizer(LeafSystem):
-    """Shows the estimated pose in Meshcat: a frame, and a ghost of the target.
+    """Shows the estimated pose in Meshcat: a frame, a ghost of the target, and hypotheses.
 
     .. pydrake_system::
 
@@ -52,16 +51,21 @@ class PoseEstimateVisualizer(LeafSystem):
         input_ports:
         - X_CM
         - state
+        - population (optional)
 
     Ports:
         X_CM: The estimated pose in the camera, a RigidTransform.
         state: State of the plant, which tells where the camera is.
+        population: The N hypotheses, best first, shape (6 N,).
 
     Args:
-        meshcat: Where to show it, below the path "estimate".
+        meshcat: Where to show it; for the paths see `PoseView`.
         plant: The plant with the camera.
         mesh: The target's mesh.
         camera_frame: The camera's frame C in the plant, or its name.
+        solid: The target as a solid; without, its edges and the hypotheses are not shown.
+        rig: The cameras, whose pyramids are shown.
+        num_hypotheses: Number N of hypotheses.
     """
 
     def __init__(
@@ -71,9 +75,12 @@ class PoseEstimateVisualizer(LeafSystem):
         plant: MultibodyPlant,
         mesh: ColoredMesh,
         camera_frame: Frame | str = "camera_right",
+        solid: SolidModel | None = None,
+        rig: CameraRig | None = None,
+        num_hypotheses: int = 1,
     ) -> None:
         super().__init__()
-        self._meshcat = meshcat
+        self._view = PoseView(meshcat, mesh, solid=solid, rig=rig)
         self._plant = plant
         if isinstance(camera_frame, str):
             camera_frame = plant.GetFrameByName(camera_frame)
@@ -81,35 +88,17 @@ class PoseEstimateVisualizer(LeafSystem):
         self._kinematics = plant.CreateDefaultContext()  # Scratch space, written before every use.
         self._estimate = self.DeclareAbstractInputPort("X_CM", AbstractValue.Make(RigidTransform()))
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        corners = mesh.triangles.reshape(-1, 3).T
-        meshcat.SetTriangleColorMesh(
-            "estimate/ghost",
-            vertices=_GHOST_SCALE * corners,
-            faces=np.arange(corners.shape[1]).reshape(-1, 3).T,
-            colors=np.repeat(mesh.colors, 3, axis=0).T,
-        )
-        meshcat.SetProperty("estimate/ghost", "modulated_opacity", _GHOST_OPACITY)
-        _DrawFrame(meshcat, "estimate/frame")
+        self._population = self.DeclareVectorInputPort("population", 6 * num_hypotheses)
         self.DeclarePeriodicPublishEvent(_PUBLISH_PERIOD, 0.0, self._Publish)
         self.DeclareForcedPublishEvent(self._Publish)
 
     def _Publish(self, context: Context) -> None:
         self._plant.SetPositionsAndVelocities(self._kinematics, self._state.Eval(context))
-        X_WM = self._frame.CalcPoseInWorld(self._kinematics) @ self._estimate.Eval(context)
-        self._meshcat.SetTransform("estimate", X_WM, time_in_recording=context.get_time())
-
-
-def _DrawFrame(meshcat: Meshcat, path: str) -> None:
-    """Three thin cylinders: x red, y green, z blue."""
-    axis = Cylinder(_AXIS_RADIUS, _AXIS_LENGTH)
-    along_z = RigidTransform([0.0, 0.0, 0.5 * _AXIS_LENGTH])
-    for name, turn, color in (
-        ("x", RotationMatrix.MakeYRotation(0.5 * math.pi), Rgba(1, 0, 0)),
-        ("y", RotationMatrix.MakeXRotation(-0.5 * math.pi), Rgba(0, 1, 0)),
-        ("z", RotationMatrix(), Rgba(0, 0, 1)),
-    ):
-        meshcat.SetObject(f"{path}/{name}", axis, color)
-        meshcat.SetTransform(f"{path}/{name}", RigidTransform(turn, [0, 0, 0]) @ along_z)
+        hypotheses = None
+        if self._population.HasValue(context):
+            hypotheses = self._population.Eval(context).reshape(-1, 6)
+        X_WC = self._frame.CalcPoseInWorld(self._kinematics)
+        self._view.Show(X_WC, self._estimate.Eval(context), hypotheses, context.get_time())
 
 
 def AddMeshcat(
@@ -121,6 +110,9 @@ def AddMeshcat(
     estimate: OutputPort,
     mesh: ColoredMesh,
     camera_frame: Frame | str = "camera_right",
+    population: OutputPort | None = None,
+    solid: SolidModel | None = None,
+    rig: CameraRig | None = None,
 ) -> None:
     """Adds the scene and the estimated pose to Meshcat.
 
@@ -132,13 +124,22 @@ def AddMeshcat(
         estimate: The estimated pose's port, a RigidTransform X_CM.
         mesh: The target's mesh.
         camera_frame: See `PoseEstimateVisualizer`.
+        population: The port of the hypotheses, shape (6 N,); not shown without.
+        solid: See `PoseEstimateVisualizer`.
+        rig: See `PoseEstimateVisualizer`.
     """
     params = MeshcatVisualizerParams(publish_period=_PUBLISH_PERIOD)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     ghost = builder.AddNamedSystem(
         "pose_estimate_visualizer",
-        PoseEstimateVisualizer(meshcat=meshcat, plant=plant, mesh=mesh, camera_frame=camera_frame),
-    )
+        PoseEstimateVisualizer(
+            meshcat=meshcat, plant=plant, mesh=mesh, camera_frame=camera_frame, solid=solid,
+            rig=rig, num_hypotheses=1 if population is None else population.size() // 6,
+        ),
+    )  # fmt: skip
+    if population is not None:
+        builder.Connect(population, ghost.GetInputPort("population"))
+    SetView(meshcat, *PAGE_VIEW)
     builder.Connect(estimate, ghost.GetInputPort("X_CM"))
     builder.Connect(plant.get_state_output_port(), ghost.GetInputPort("state"))
 
@@ -210,6 +211,10 @@ class SceneView:
         cv2.polylines(image, [pixels[1:]], True, color, 2, cv2.LINE_AA, shift=4)
         for corner in pixels[1:]:
             cv2.line(image, pixels[0].tolist(), corner.tolist(), color, 2, cv2.LINE_AA, shift=4)
+
+
+PAGE_VIEW = ((1.1, -1.25, 0.95), (1.1, 0.0, 0.45))
+"""Where a page looks from and to [m]; it has a wide angle, and a panel on the right."""
 
 
 def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:

@@ -9,7 +9,12 @@ from mffdrake.experiment.paper.paper_numbers import CELLS, PAPER
 from mffdrake.experiment.paper.studies import PAPER_OMEGAS
 from mffdrake.experiment.paper.study import FindGroup, QuartilesOf
 from mffdrake.experiment.runs.table import Group, IsSettled
-from mffdrake.experiment.simulation.style import METHOD_COLORS, METHOD_NAMES, NewFigure
+from mffdrake.experiment.simulation.style import (
+    METHOD_COLORS,
+    METHOD_NAMES,
+    PALETTE,
+    NewFigure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,8 +30,8 @@ AXIS_LABELS = {
 """How people call the figures of `Summarize`."""
 
 _CURVE_COLORS = {
-    "GA": METHOD_COLORS["ga"], "MFF": METHOD_COLORS["mff"], "MFF, velocity mode": "tab:cyan",
-    "plain GA": "tab:brown", "MFF + plain GA": "tab:purple",
+    "GA": METHOD_COLORS["ga"], "MFF": METHOD_COLORS["mff"], "MFF, velocity mode": PALETTE["green"],
+    "plain GA": PALETTE["orange"], "MFF + plain GA": PALETTE["purple"],
 }  # fmt: skip
 _DODGE = 0.13  # Between the points of one speed, whose distance is 1.
 
@@ -98,10 +103,16 @@ def PlotTable(summary: Sequence[Group]) -> Figure:
 _SOURCES = {"paper": "the paper", "near": "start near the target", "random": "random start"}
 
 
-def PlotStudies(summary: Sequence[Group]) -> Figure:
-    """What the position error depends on, a panel for each question: medians with quartiles."""
+def PlotStudies(summary: Sequence[Group]) -> Figure | None:
+    """What the position error depends on, a panel for each question: medians with quartiles.
+
+    Args:
+        summary: See `Summarize`.
+
+    Returns:
+        The figure, with the questions of which a curve has two points or more; None without any.
+    """
     window = ShownWindow(summary)
-    figure, axes = NewFigure(2, 3, (13.0, 7.2))
     panels: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Speed", "omega [rad/s]", (
             ("random", "ga", "GA"), ("faster", "ga", ""), ("random", "mff", "MFF"),
@@ -116,9 +127,20 @@ def PlotStudies(summary: Sequence[Group]) -> Figure:
         ("Generations", "generations a frame", (
             ("generations", "ga", "GA"), ("generations", "mff", "MFF"))),
     )  # fmt: skip
+    asked = ((title, label, _Curves(summary, window, curves)) for title, label, curves in panels)
+    found = [panel for panel in asked if any(len(points) > 1 for points in panel[2].values())]
+    if not found:
+        return None
+    columns = min(3, len(found))
+    rows = -(-len(found) // columns)
+    figure, axes = NewFigure(rows, columns, (max(8.0, 13.0 * columns / 3), 3.6 * rows))
     fixed = QuartilesOf(FindGroup(summary, "fixed", "fixed", 0.0), "position_mm", window)
-    for axis, (title, label, curves) in zip(axes.flat, panels, strict=True):
-        _PlotCurves(axis, summary, window, curves)
+    for axis in axes.flat[len(found) :]:
+        axis.remove()
+    for axis, (title, label, curves) in zip(axes.flat, found, strict=False):
+        for name, points in curves.items():
+            color = _CURVE_COLORS.get(name)
+            _ErrorBars(axis, points, fmt="o-", label=name, color=color)
         if fixed:
             axis.axhline(fixed.median, color="0.5", ls="--", lw=1, label="fixed camera")
         axis.set_title(title, fontsize=10)
@@ -136,13 +158,10 @@ def PlotStudies(summary: Sequence[Group]) -> Figure:
     return figure
 
 
-def _PlotCurves(
-    axis: Axes,
-    summary: Sequence[Group],
-    window: str,
-    curves: Sequence[tuple[str, str, str]],
-) -> None:
-    """Curves of (study, curve, label); one without a label goes on with the one before."""
+def _Curves(
+    summary: Sequence[Group], window: str, curves: Sequence[tuple[str, str, str]]
+) -> dict[str, list[tuple[float, Any]]]:
+    """Points of curves (study, curve, label); one without a label goes on with the one before."""
     joined: dict[str, list[tuple[float, Any]]] = {}
     name = ""
     for study, curve, label in curves:
@@ -153,11 +172,11 @@ def _PlotCurves(
             if (group.labels["study"], group.labels["curve"]) == (study, curve)
             and (ours := QuartilesOf(group, "position_mm", window))
         )
-    for label, points in joined.items():
-        if points:
-            color = _CURVE_COLORS.get(label)
-            points.sort(key=lambda point: point[0])
-            _ErrorBars(axis, points, fmt="o-", label=label, color=color)
+    return {
+        label: sorted(points, key=lambda point: point[0])
+        for label, points in joined.items()
+        if points
+    }
 
 
 def _MakeLogarithmic(axis: Axes) -> None:

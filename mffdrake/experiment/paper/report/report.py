@@ -170,4 +170,6 @@ def _Figures(reproduction: Reproduction, summary: Sequence[Group]) -> Iterator[t
         if pair:
             yield name, PlotPose(pair)
     yield "fig8.png", PlotTable(summary)
-    yield "studies.png", PlotStudies(summary)
+    studies = PlotStudies(summary)
+    if studies is not None:
+        yield "studies.png", studies

@@ -45,7 +45,7 @@ def _WithQuartiles(cell: str, quartiles: Quartiles | None) -> str:
     low, median, high = (
         _Form(cell, value) for value in (quartiles.low, quartiles.median, quartiles.high)
     )
-    return median if quartiles.count == 1 else f"{median} ({low} - {high})"
+    return median if quartiles.count == 1 else f"{median} ({low}-{high})"
 
 
 def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: bool = True) -> str:
@@ -55,19 +55,19 @@ def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: b
         summary: See `Summarize`.
         study: Name of a study of both methods at the paper's speeds.
         window: ``all`` or ``settled`` frames.
-        verdicts: Whether to have a column with `Verdict` for each speed.
+        verdicts: Whether our numbers have a `Verdict`.
 
     Returns:
-        The table: for each method and figure, at each speed, our median with quartiles, the
-        paper's number and the verdict.
+        The table: for each method and figure, at each speed, our median with quartiles and the
+        verdict, and the paper's number.
 
     Example:
-        >>> print(PaperTable([], "near", "all").splitlines()[2][:46])
-        | 1-step GA | mean fitness | - | 0.8026 | no n
+        >>> print(PaperTable([], "near", "all").splitlines()[2])
+        | 1-step GA | mean fitness | - | 0.8026 | - | 0.7371 | - | 0.628 |
     """
     header = ["method", "figure"]
     for omega in PAPER_OMEGAS:
-        header += [f"{omega:g} rad/s", "paper", *(["verdict"] if verdicts else [])]
+        header += [f"{omega:g} rad/s", "paper"]
     rows = []
     for method, name in METHOD_NAMES.items():
         for cell, label in AXIS_LABELS.items():
@@ -76,9 +76,10 @@ def PaperTable(summary: Sequence[Group], study: str, window: str, *, verdicts: b
                 ours = QuartilesOf(FindGroup(summary, study, method, omega), cell, window)
                 paper = PAPER[method, omega][cell]
                 shown = _Form(cell, paper) if cell in ("position_mm", "rotation_deg") else paper
-                row += [_WithQuartiles(cell, ours), str(shown)]
-                if verdicts:
-                    row.append(Verdict(cell, ours.median if ours else None, paper))
+                number = _WithQuartiles(cell, ours)
+                if verdicts and ours:
+                    number += f", {Verdict(cell, ours.median, paper)}"
+                row += [number, str(shown)]
             rows.append(row)
     return Markdown(header, rows)
 

@@ -172,7 +172,7 @@ def MakeHandEyeDiagram(
     CheckReach(scenario, station.known_arm)
     WarnOutside(scenario, station.solid, cameras.rig)
     if meshcat is not None:
-        _AddView(builder, scenario, station, recognizer, meshcat)
+        _AddView(builder, scenario, station, cameras, recognizer, meshcat)
     builder.ExportOutput(station.plant.get_state_output_port(), "state")
     builder.ExportOutput(cameras.exposed_state, "exposed_state")
     builder.ExportOutput(control.desired_state, "desired_state")
@@ -222,6 +222,7 @@ def _AddView(
     builder: DiagramBuilder,
     scenario: Scenario,
     station: Station,
+    cameras: Cameras,
     recognizer: PoseRecognizer[Any],
     meshcat: Meshcat,
 ) -> None:
@@ -236,4 +237,7 @@ def _AddView(
         estimate=recognizer.GetOutputPort("X_CM"),
         mesh=station.target.mesh,
         camera_frame=plant.GetFrameByName(MakeMounts(scenario)[0].frame_name, station.arm),
+        population=recognizer.GetOutputPort("population"),
+        solid=station.solid,
+        rig=cameras.rig,
     )

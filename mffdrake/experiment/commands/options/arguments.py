@@ -21,7 +21,8 @@ __all__ = [
 
 
 _WRITTEN = {
-    "graphviz": (".svg", ".png"), "replay": (".html",), "mcap": (".mcap",), "mcap_out": (".mcap",),
+    "graphviz": (".svg", ".png"), "replay": (".html",), "video": (".mp4",), "mcap": (".mcap",),
+    "mcap_out": (".mcap",),
 }  # fmt: skip
 
 
