@@ -41,7 +41,7 @@ def test_runs_and_is_committed_without_outputs(path, tmp_path):
     assert any("image/png" in output.get("data", {}) for output in shown)
     assert not any(output.output_type == "error" for output in shown)
     assert "Traceback" not in texts(shown)  # of a command that a cell calls
-    assert "error:" not in texts(shown)
+    assert "mffdrake: error" not in texts(shown)
 
 
 @of_each
