@@ -33,4 +33,5 @@ def on_terminal(*arguments, cwd, ctrl_c_at=None):
                 process.stdin.flush()
                 ctrl_c_at = None
     assert ctrl_c_at is None, f"{ctrl_c_at!r} never appeared in {shown!r}"
-    return process.returncode, shown.decode()
+    # Where colorama is installed, numba lets it reset the terminal's colors at the end.
+    return process.returncode, shown.decode().replace("\x1b[0m", "")
