@@ -10,8 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from mffdrake.experiment.commands.run import ServoDefaults
-from mffdrake.experiment.scenario.scenario import Change
+from mffdrake.experiment.scenario.scenario import Change, ServoDefaults
 from mffdrake.experiment.simulation.pictures import DrawCameraView, DrawScene
 from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram

@@ -278,5 +278,4 @@ def table(rows: Sequence[Row], group: str) -> str:
         row for motion in MOTIONS
         for row in select([*(base if group != "none" else []), *members], motion=motion)
     ]  # fmt: skip
-    text = SummaryTable(lines, ("motion", "strength", "method"), more=MORE)
-    return text.split("\n\n")[0]
+    return SummaryTable(lines, ("motion", "strength", "method"), more=MORE)

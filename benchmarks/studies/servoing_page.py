@@ -79,8 +79,7 @@ FOLLOWS = column("follows", ".0%", is_mean=True)
 
 def table(runs: Sequence[Followed], *more: Column) -> str:
     """Medians over the seeds."""
-    text = SummaryTable([run.row for run in runs], list(runs[0].labels), more=more)
-    return text.split("\n\n")[0]
+    return SummaryTable([run.row for run in runs], list(runs[0].labels), more=more)
 
 
 def step(runs: Sequence[Followed]) -> tuple[str, Pictures]:

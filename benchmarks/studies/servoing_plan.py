@@ -6,9 +6,8 @@ import itertools
 from collections.abc import Iterator
 from typing import Any
 
-from mffdrake.experiment.commands.run import ServoDefaults
 from mffdrake.experiment.runs.engine import PlannedRun
-from mffdrake.experiment.scenario.scenario import Change
+from mffdrake.experiment.scenario.scenario import Change, ServoDefaults
 
 METHODS = ("ga", "mff")
 FIRST_SEED = 300

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mffdrake.experiment.commands.main import main
-from mffdrake.experiment.commands.run import ServoDefaults
-from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ServoDefaults
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.recovery import CalcHandErrors, FindLoss, WantedPose
 from mffdrake.experiment.simulation.simulation import Simulate

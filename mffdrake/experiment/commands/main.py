@@ -41,8 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit status: 0, 1 when runs of a sweep or a reproduction failed or something needed is
-        missing (doctor), 2 after a message on
-        bad input, or 130 after an interrupt.
+        missing (doctor), 2 after a message on bad input, or 130 after an interrupt.
     """
     options = MakeParser().parse_args(arguments)
     if options.command == "doctor":  # What the other commands import may be what is broken.

@@ -25,7 +25,13 @@ from mffdrake.experiment.runs.grid import Grid, LoadGrid
 from mffdrake.experiment.runs.pictures import PlotComparison, PlotErrors
 from mffdrake.experiment.runs.store import FRAMES_NAME, STORE_NAME, RunStore
 from mffdrake.experiment.runs.sweep import Sweep
-from mffdrake.experiment.runs.table import MarkdownTable, SummaryTable, WriteJson, WriteRows
+from mffdrake.experiment.runs.table import (
+    MarkdownTable,
+    SummaryTable,
+    WindowNote,
+    WriteJson,
+    WriteRows,
+)
 from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ScenarioError
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.plotting import PlotHandPath, PlotPose, SaveFigure
@@ -109,7 +115,7 @@ def RunSweep(options: argparse.Namespace) -> int:
     with RunBar(grid.runs) as on_run:
         table = Sweep(grid, folder, executor=place, file_format=options.format, on_run=on_run)
     rows = table.to_pylist()
-    print(SummaryTable(rows, list(grid.values)))
+    print(f"{SummaryTable(rows, list(grid.values))}\n\n{WindowNote(rows)}")
     failures = [row for row in rows if row["status"] == "failed"]
     status = _TellFailures(failures, len(rows), [*grid.values, "seed"], f"results.{options.format}")
     print(f"\nResults: {folder}/results.{options.format}")

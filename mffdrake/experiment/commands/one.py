@@ -39,7 +39,7 @@ from mffdrake.systems.rendering.visualization import PAGE_VIEW, SaveDiagram, Sav
 from mffdrake.systems.view.controls import LiveControls
 from mffdrake.systems.view.pose_view import PoseView
 
-__all__ = ["OneSimulation", "SimulateOne", "WatchTracking", "WriteScenario"]
+__all__ = ["OneSimulation", "OpenMeshcat", "SimulateOne", "WatchTracking", "WriteScenario"]
 
 
 @dataclass
@@ -236,13 +236,18 @@ def WriteScenario(scenario: Scenario, folder: Path) -> None:
         part.write_text(scenario.Dump(), encoding="utf-8")
 
 
+def OpenMeshcat() -> Meshcat:
+    """A page for the browser; says where it is."""
+    meshcat = Meshcat()
+    print(f"Meshcat: {meshcat.web_url()}", flush=True)
+    return meshcat
+
+
 def WatchTracking(
     tracker: PoseTracker, options: argparse.Namespace
 ) -> Callable[[TrackedFrame], None]:
     """What shows every frame in Meshcat: the rig, the pose and the best hypotheses."""
-    meshcat = Meshcat()
-    print(f"Meshcat: {meshcat.web_url()}", flush=True)
-    matcher = tracker.ga.matcher
+    meshcat, matcher = OpenMeshcat(), tracker.ga.matcher
     mesh = ColoredMesh.read(options.target)
     view = PoseView(meshcat, mesh, solid=matcher.solid, rig=matcher.rig)
     controls = LiveControls(meshcat, can_reset=False)

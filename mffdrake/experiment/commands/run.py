@@ -8,12 +8,10 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from pydrake.geometry import Meshcat
-
-from mffdrake.experiment.commands.one import OneSimulation, SimulateOne
+from mffdrake.experiment.commands.one import OneSimulation, OpenMeshcat, SimulateOne
 from mffdrake.experiment.progress import TimeBar
 from mffdrake.experiment.runs.table import MarkdownTable
-from mffdrake.experiment.scenario.scenario import Change, Scenario
+from mffdrake.experiment.scenario.scenario import Scenario, ServoDefaults
 from mffdrake.experiment.scenario.scenario_sections import NoServo
 from mffdrake.experiment.simulation.plotting import (
     PlotFollowing,
@@ -26,9 +24,7 @@ from mffdrake.experiment.simulation.plotting import (
 from mffdrake.experiment.simulation.record import Record, TrackCommand
 from mffdrake.systems.target_motion import AtRest, Sinusoids
 
-__all__ = [
-    "RunOne", "RunRecord", "RunServo", "ServoDefaults",
-]  # fmt: skip
+__all__ = ["RunOne", "RunRecord", "RunServo"]
 
 _log = logging.getLogger("mffdrake")
 
@@ -47,12 +43,9 @@ def RunOne(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int
 
 def _Simulate(options: argparse.Namespace, scenario: Scenario) -> OneSimulation:
     """The simulation, shown as it happens where that is wanted."""
-    meshcat = Meshcat() if options.meshcat else None
-    if meshcat is not None:
-        print(f"Meshcat: {meshcat.web_url()}", flush=True)
     return SimulateOne(
         scenario, graphviz=options.graphviz, replay=options.replay, video=options.video,
-        meshcat=meshcat,
+        meshcat=OpenMeshcat() if options.meshcat else None,
     )  # fmt: skip
 
 
@@ -65,20 +58,6 @@ def RunRecord(options: argparse.Namespace, scenario: Scenario, folder: Path) -> 
     print(TrackCommand(scenario, folder, mcap))
     print(f"Recording: {folder}/" + ("" if mcap is None else f" and {mcap}"))
     return 0
-
-
-def ServoDefaults() -> Scenario:
-    """What ``servo`` starts from: `Scenario`'s defaults, with an arm and a servo that are fast."""
-    return Change(
-        Scenario(),
-        {
-            "controller": {"gains": "well_damped", "computed_torque": True},
-            "recognizer": {"refinement": "borders"},
-            "servo": {"_tag": "!Follow", "controller": {"gain": 8.0}},
-            "target.motion": "sinusoids",
-            "duration": 20.0,
-        },
-    )
 
 
 def RunServo(options: argparse.Namespace, scenario: Scenario, folder: Path) -> int:

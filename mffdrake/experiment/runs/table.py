@@ -30,6 +30,7 @@ __all__ = [
     "MarkdownTable",
     "Quartiles",
     "SummaryTable",
+    "WindowNote",
     "WriteJson",
     "WriteRows",
     "WriteTable",
@@ -210,13 +211,22 @@ def SummaryTable(
         labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in group.labels.values()]
         body.append([*labels, len(group.done), *cells, *[failed] * len(last)])
     header = [*names, "seeds", *(column.title for column in columns), *last]
+    return Markdown(header, body)
+
+
+def WindowNote(rows: Sequence[dict[str, Any]]) -> str:
+    """A sentence on what the figures of a `SummaryTable` are of.
+
+    Args:
+        rows: The table's rows.
+    """
     frames = (
-        f"the frames after the first {SETTLED_AFTER:g} s" if settled
+        f"the frames after the first {SETTLED_AFTER:g} s" if IsSettled(rows)
         else f"all frames with the search at the start, for want of {SETTLED_AFTER:g} s"
     )  # fmt: skip
     return (
-        f"{Markdown(header, body)}\n\nMedians over the seeds, of shares means; mean fitness and "
-        f"root-mean-square errors of {frames}."
+        "Medians over the seeds, of shares means; mean fitness and root-mean-square errors of "
+        f"{frames}."
     )
 
 
@@ -227,11 +237,12 @@ def MarkdownTable(rows: Sequence[dict[str, Any]]) -> str:
         rows: Rows of `Evaluate`.
 
     Returns:
-        See `SummaryTable`; with the errors of each coordinate.
+        See `SummaryTable`; with the errors of each coordinate, and `WindowNote` below.
     """
-    return SummaryTable(
+    table = SummaryTable(
         rows, ("omega", "method"), more=_PAPERS, headings={"omega": "omega [rad/s]"}
     )
+    return f"{table}\n\n{WindowNote(rows)}"
 
 
 # Files.

@@ -42,7 +42,7 @@ from mffdrake.systems.clutter import Clutter
 from mffdrake.systems.disturbances import Disturbance
 from mffdrake.systems.timing import Timing
 
-__all__ = ["METHODS", "Change", "LoadScenario", "Scenario", "ScenarioError"]
+__all__ = ["METHODS", "Change", "LoadScenario", "Scenario", "ScenarioError", "ServoDefaults"]
 
 
 class ScenarioError(ParameterError):
@@ -216,3 +216,17 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         return read_parameters(Scenario, merge(scenario, nested))
     except ParameterError as error:
         raise ScenarioError(str(error)) from error
+
+
+def ServoDefaults() -> Scenario:
+    """What ``servo`` starts from: `Scenario`'s defaults, with an arm and a servo that are fast."""
+    return Change(
+        Scenario(),
+        {
+            "controller": {"gains": "well_damped", "computed_torque": True},
+            "recognizer": {"refinement": "borders"},
+            "servo": {"_tag": "!Follow", "controller": {"gain": 8.0}},
+            "target.motion": "sinusoids",
+            "duration": 20.0,
+        },
+    )

@@ -32,14 +32,13 @@ from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.solid.solid_model import SolidModel
-from mffdrake.systems.view.pose_view import PoseView, SetView
+from mffdrake.systems.view.pose_view import PoseView, SetView, ViewRim
 
 __all__ = [
     "PAGE_VIEW", "AddMeshcat", "PoseEstimateVisualizer", "SaveDiagram", "SaveReplay", "SceneView",
 ]  # fmt: skip
 
 _PUBLISH_PERIOD = 0.033
-_VIEW_DEPTH = 0.2  # Length of the drawn viewing pyramids [m].
 
 
 class PoseEstimateVisualizer(LeafSystem):
@@ -200,10 +199,7 @@ class SceneView:
         """
         import cv2
 
-        x = _VIEW_DEPTH * 0.5 * camera.width / camera.fx
-        y = _VIEW_DEPTH * 0.5 * camera.height / camera.fy
-        corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
-        p_K = np.array([[0.0, 0.0, 0.0], *((a, b, _VIEW_DEPTH) for a, b in corners)])
+        p_K = np.vstack([np.zeros(3), ViewRim(camera)])
         X_VK = self.X_WV.InvertAndCompose(X_WK)
         homogeneous = (X_VK @ p_K.T).T @ self.intrinsics.intrinsic_matrix().T
         pixels = np.rint(16.0 * homogeneous[:, :2] / homogeneous[:, 2:]).astype(np.int32)

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import Cylinder, Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from mffdrake.recognition.camera.cameras import CameraRig
+from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.solid.solid_model import SolidModel
 
-__all__ = ["NUM_SHOWN", "PoseView", "SetView"]
+__all__ = ["NUM_SHOWN", "PoseView", "SetView", "ViewRim"]
 
 NUM_SHOWN = 5
 """How many hypotheses are shown beside the best one."""
@@ -80,10 +80,7 @@ class PoseView:
                 meshcat.SetProperty(_Hypothesis(k), "visible", False)  # until there is one
         if rig is not None:
             for camera in rig.cameras:
-                x = _VIEW_DEPTH * 0.5 * camera.width / camera.fx
-                y = _VIEW_DEPTH * 0.5 * camera.height / camera.fy
-                rim = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
-                rim = np.column_stack([rim, np.full(4, _VIEW_DEPTH)])
+                rim = ViewRim(camera)
                 lines = [*zip(np.zeros((4, 3)), rim, strict=True)]
                 lines += zip(rim, np.roll(rim, -1, axis=0), strict=True)
                 path = f"cameras/{camera.name}"
@@ -117,6 +114,25 @@ class PoseView:
             X_WH = X_WC @ RigidTransform(RotationMatrix(R), p)
             self._meshcat.SetTransform(_Hypothesis(k), X_WH, time_in_recording=time)
             self._meshcat.SetProperty(_Hypothesis(k), "visible", True)
+
+
+def ViewRim(camera: Camera) -> NDArray[np.float64]:
+    """The rim of a camera's viewing pyramid, whose top is the camera's center.
+
+    Args:
+        camera: The camera K.
+
+    Returns:
+        Its four corners in K [m], in order, shape (4, 3).
+
+    Example:
+        >>> ViewRim(CameraRig.stereo().cameras[0])[:, 2]
+        array([0.2, 0.2, 0.2, 0.2])
+    """
+    x = _VIEW_DEPTH * 0.5 * camera.width / camera.fx
+    y = _VIEW_DEPTH * 0.5 * camera.height / camera.fy
+    rim = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    return np.column_stack([rim, np.full(4, _VIEW_DEPTH)])
 
 
 def SetView(meshcat: Meshcat, eye: ArrayLike, look_at: ArrayLike) -> None:

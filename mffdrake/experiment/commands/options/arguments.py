@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mffdrake.experiment.commands.run import ServoDefaults
-from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
+from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario, ServoDefaults
 from mffdrake.recognition import SolidModel
 from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.recordings.files import MakeOutputFolder
