@@ -110,6 +110,14 @@ def test_odd_images_have_a_pixel_on_the_optical_axis():
     np.testing.assert_array_equal(rig.project([0.0, 0.0, 2.0])[0], [2.0, 1.0])
 
 
+def test_a_camera_sees_what_it_projects_into_its_image():
+    camera = Camera(width=64, height=48, fx=60, fy=60, cx=31.5, cy=23.5)
+    edge = 32.0 / 60.0  # of half the image's width, at 1 m
+    points = [[0, 0, 1], [edge - 1e-6, 0, 1], [edge + 1e-6, 0, 1], [0, 0.39, 1], [0, 0.41, 1]]
+    assert camera.sees(points).tolist() == [True, True, False, True, False]
+    assert not camera.sees([0.0, 0.0, -1.0])
+
+
 def test_a_solid_covers_the_pixels_between_its_projected_edges():
     psi = pose((0.02, -0.03, 0.8))
     images = render(paper_box(), psi, RIG)

@@ -7,6 +7,8 @@ import pytest
 
 from mffdrake.recognition import (
     POSE_COORDINATES,
+    Camera,
+    CameraRig,
     GeneCoding,
     GeneticAlgorithm,
     GeneticParameters,
@@ -83,6 +85,38 @@ def test_bounds_out_of_order_are_named(name, bounds):
 def test_quaternion_components_stay_within_one(name, bounds):
     with pytest.raises(ValueError, match=f"SearchRange: {name}"):
         SearchRange(**{name: bounds})
+
+
+def test_the_range_in_view_is_where_a_pinhole_sees_the_target_well():
+    """Against the pyramid by hand: depths by the target's share of the image, and the sides."""
+    camera = Camera(width=640, height=480, fx=600, fy=600, cx=319.5, cy=239.5)
+    view = SearchRange.in_view(CameraRig((camera,)), 0.2)
+    farthest = 600 * 0.2 / (0.1 * 480)
+    assert view.z == pytest.approx((600 * 0.2 / (0.9 * 480), farthest))
+    assert view.x == pytest.approx((-farthest * 319.5 / 600, farthest * 319.5 / 600))
+    assert view.y == pytest.approx((-farthest * 239.5 / 600, farthest * 239.5 / 600))
+    assert view.eps1 == view.eps2 == view.eps3 == (-1.0, 1.0)
+
+
+def test_the_range_in_view_of_a_rig_is_what_its_cameras_share():
+    """Two cameras that look at one place at right angles, from 1 m; and two back to back."""
+    side = {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}
+    ahead = Camera(name="ahead", **side)
+    turn = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # looks along -x
+    aside = Camera(name="aside", R_CK=turn, p_CK=[1.0, 0.0, 1.0], **side)
+    shared = SearchRange.in_view(CameraRig((ahead, aside)), 0.2)
+    for name, middle in (("x", 0.0), ("y", 0.0), ("z", 1.0)):
+        least, greatest = getattr(shared, name)
+        assert least < middle < greatest
+        assert greatest - least < 3.0
+    p = np.random.default_rng(5).uniform(-3, 3, (20_000, 3))
+    seen = p[ahead.sees(p) & aside.sees(p) & (p[:, 2] < 2.5) & (1.0 - p[:, 0] < 2.5)]
+    assert len(seen) > 50
+    step = 0.4  # from place to place, at most, where cameras look across each other
+    assert (seen > shared.lower[:3] - step).all() and (seen < shared.upper[:3] + step).all()
+    back = Camera(name="back", R_CK=np.diag([-1.0, 1.0, -1.0]), **side)
+    both = SearchRange.in_view(CameraRig((ahead, back)), 0.2)
+    assert both.z[0] == pytest.approx(-both.z[1])
 
 
 def test_a_rig_may_look_anywhere_so_the_target_may_be_behind_its_frame():

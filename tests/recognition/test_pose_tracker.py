@@ -137,6 +137,31 @@ def test_searching_finds_the_target_and_tracking_goes_on_from_there():
     assert off(tracker.track(FRAMES[1], displacement(1)), 1) < 2.5
 
 
+def test_a_search_is_judged_where_poses_are():
+    """What a search of three generations finds is not relied on unseen; a long one's is."""
+    for generations in (3, 400):
+        estimate, _ = of(seed=1).search(FRAMES[0], generations)
+        assert 0.0 <= estimate.confidence <= 1.0
+        assert not estimate.is_tracking or off(estimate, 0) < 2.5
+    assert estimate.is_tracking
+    blank = [np.full_like(image, 128) for image in FRAMES[0]]
+    estimate, _ = of(seed=1).search(blank, 3)
+    assert (estimate.is_tracking, estimate.confidence) == (False, 0.0)
+
+
+def test_by_default_the_target_is_sought_anywhere_in_view():
+    """Far outside of the paper's range, turned around, and found in the first frame."""
+    for where, turned in (
+        ((-0.3, -0.25, 1.1), (0.9, 0.1, 0.2)),
+        ((0.35, 0.2, 1.2), (-0.1, 0.7, -0.6)),
+        ((-0.05, 0.0, 0.55), (0.2, -0.8, 0.5)),
+    ):
+        true = pose(where, turned)
+        estimate = of(seed=3).start(render(BOX, true, RIG, supersampling=2))
+        assert np.linalg.norm(estimate.p_CM - true[:3]) < 0.005
+        assert estimate.is_tracking
+
+
 # The order of the channels
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mffdrake.experiment.commands.one import WatchTracking
 from mffdrake.experiment.commands.options.arguments import (
@@ -22,7 +23,8 @@ from mffdrake.experiment.commands.options.arguments import (
 from mffdrake.experiment.progress import ProgressBar
 from mffdrake.experiment.runs.table import WriteJson, WriteRows
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
-from mffdrake.recognition import CameraRig, PoseTracker, TrackerParameters
+from mffdrake.recognition import CameraRig, PoseTracker, Refinement, SearchRange, TrackerParameters
+from mffdrake.recognition.genetic.genetic import POSE_COORDINATES
 from mffdrake.recognition.recordings.color_file import LoadColors
 from mffdrake.recognition.recordings.files import MakeOutputFolder
 from mffdrake.recognition.recordings.image_files import OpenImages, SaveImage
@@ -40,6 +42,7 @@ from mffdrake.recognition.recordings.trajectory import (
     SaveTrajectory,
     Trajectory,
 )
+from mffdrake.recognition.refinement.outcome import Outcome
 from mffdrake.recognition.ros.mcap_file import write_poses
 from mffdrake.recognition.ros.messages import nanoseconds, rig_frame, typestore
 from mffdrake.recognition.ros.ros_recording import RosRecording, open_recording
@@ -85,12 +88,12 @@ def RunTrack(options: argparse.Namespace) -> int:
                     watch(frame)
     finally:
         if tracked:
-            _Write(tracked, tracker, options, folder)
+            refinement = _Write(tracked, tracker, options, folder)
             if options.mcap_out is not None:
                 _WriteMcap(tracked, recording, options.mcap_out)
     if isinstance(recording, RosRecording):
         print(f"Recording: {recording.summary}.")
-    _Tell(tracked, folder)
+    _Tell(tracked, refinement, tracker, folder)
     warning = MotionWarning(tracked, tracker.ga.sure_fitness)
     if warning is not None:
         _log.warning("%s", warning)
@@ -138,12 +141,13 @@ def _MakeTracker(options: argparse.Namespace, rig: CameraRig) -> PoseTracker:
     """The tracker that the options describe."""
     solid = LoadTarget(options.target)
     colors = None if options.colors is None else LoadColors(options.colors)
-    config = _ReadRecognizer(options.recognizer or "{}")
+    config = _ReadRecognizer(options.recognizer or "{}", TrackerParameters.in_view(rig, solid))
     start_pose = np.zeros(6)
     if options.start == "random":
         config = dc.replace(config, start="random")
     elif options.start is not None:
         config, start_pose = dc.replace(config, start="near_target"), LoadPose(options.start)
+        _CheckStart(start_pose, config.search_range, options.start)
     elif config.start == "near_target":
         raise ArgumentsError("recognizer.start near_target: --start must name a file with a pose")
     if options.generations is not None and options.start not in (None, "random"):
@@ -167,11 +171,24 @@ def _MakeTracker(options: argparse.Namespace, rig: CameraRig) -> PoseTracker:
     return tracker
 
 
-def _ReadRecognizer(given: str) -> TrackerParameters:
+def _CheckStart(pose: NDArray[np.float64], search_range: SearchRange, name: str) -> None:
+    """Refuses a start that the genes cannot tell."""
+    outside = np.flatnonzero((pose < search_range.lower) | (pose > search_range.upper))
+    if len(outside):
+        coordinate = POSE_COORDINATES[outside[0]]
+        bounds = [round(bound, 4) for bound in getattr(search_range, coordinate)]
+        raise ArgumentsError(
+            f"--start {name}: {coordinate} = {pose[outside[0]]:.4g} is outside the search range "
+            f"{bounds}; widen it by --recognizer "
+            f"'{{search_range: {{{coordinate}: [least, greatest]}}}}'"
+        )
+
+
+def _ReadRecognizer(given: str, default: TrackerParameters) -> TrackerParameters:
     """The section of a scenario, from a file or from YAML."""
     if _IsFile(given):
         try:
-            return TrackerParameters.read(Path(given).read_text(encoding="utf-8"))
+            return TrackerParameters.read(Path(given).read_text(encoding="utf-8"), default)
         except ValueError as error:
             text = "not a text file in UTF-8" if isinstance(error, UnicodeError) else str(error)
             raise ArgumentsError(f"{given}: {text}") from error
@@ -179,7 +196,7 @@ def _ReadRecognizer(given: str) -> TrackerParameters:
         raise ArgumentsError(
             f"--recognizer {given}: no such file, and no YAML such as '{{refinement: borders}}'"
         )
-    return TrackerParameters.read(given)
+    return TrackerParameters.read(given, default)
 
 
 def _IsFile(text: str) -> bool:
@@ -194,13 +211,13 @@ def _Write(
     tracker: PoseTracker,
     options: argparse.Namespace,
     folder: Path,
-) -> None:
-    """Writes what was tracked."""
+) -> Refinement:
+    """Writes what was tracked; returns what the refinement says of the last pose."""
     WriteRows([frame.Row() for frame in tracked], folder / "poses.csv")
     times = np.array([frame.recorded.time for frame in tracked])
     poses = np.array([frame.estimate.pose for frame in tracked])
     SaveTrajectory(Trajectory(times, poses), folder / "poses.tum")
-    last = tracked[-1]
+    last, refinement = tracked[-1], _LastRefinement(tracked[-1], tracker)
     data = {
         "settings": {k: v for k, v in vars(options).items() if k not in ("command", "verbose")},
         "frames": len(tracked),
@@ -210,7 +227,14 @@ def _Write(
             "ms": float(np.mean([frame.ms for frame in tracked])),
         },
         "search": _Search(tracked[0]),
-        "last_refinement": _LastRefinement(last, tracker),
+        "last_refinement": {
+            "refined": last.estimate.refined,
+            "reason": "" if last.estimate.refined else refinement.reason,
+            "num_borders": refinement.num_borders,
+            "explained": refinement.explained,
+            "residual_px": _Number(refinement.residual),
+            "expected_residual_px": _Number(refinement.expected_residual),
+        },
     }
     WriteJson(data, folder / "track.json")
     matcher = tracker.ga.matcher
@@ -219,6 +243,7 @@ def _Write(
     if len(tracked) > 1:
         fitness = np.array([frame.estimate.fitness for frame in tracked])
         SaveFigure(PlotTrack(times, poses, fitness), folder / "poses.png")
+    return refinement
 
 
 def _Search(first: TrackedFrame) -> dict[str, Any] | None:
@@ -232,19 +257,11 @@ def _Search(first: TrackedFrame) -> dict[str, Any] | None:
     }
 
 
-def _LastRefinement(last: TrackedFrame, tracker: PoseTracker) -> dict[str, Any]:
+def _LastRefinement(last: TrackedFrame, tracker: PoseTracker) -> Refinement:
     """What the refinement says of the last frame's pose."""
     assert tracker.generation is not None
     scene = tracker.ga.matcher.scene(last.recorded.images, tracker.generation.gains)
-    result = tracker.ga.refiner.refine_scene(last.estimate.pose, scene)
-    return {
-        "refined": last.estimate.refined,
-        "reason": "" if last.estimate.refined else result.reason,
-        "num_borders": result.num_borders,
-        "explained": result.explained,
-        "residual_px": _Number(result.residual),
-        "expected_residual_px": _Number(result.expected_residual),
-    }
+    return tracker.ga.refiner.refine_scene(last.estimate.pose, scene)
 
 
 def _Number(value: float) -> float | None:
@@ -252,7 +269,9 @@ def _Number(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:
+def _Tell(
+    tracked: list[TrackedFrame], refinement: Refinement, tracker: PoseTracker, folder: Path
+) -> None:
     """Prints the last pose and where everything is."""
     last = tracked[-1]
     row = last.Row()
@@ -261,20 +280,31 @@ def _Tell(tracked: list[TrackedFrame], folder: Path) -> None:
         f"{len(tracked)} frame{'s' * (len(tracked) > 1)}; the last pose, x y z [m] and quaternion"
     )
     print(f"qx qy qz qw in the rig's frame: {numbers}")
-    refined = "not refined"
+    refined = f"not refined: {_WhyUnrefined(refinement, tracker.ga.rig)}"
     if last.estimate.refined:
         refined = (
             f"refined, give or take {row['std_position_mm']:.2f} mm and "
             f"{row['std_rotation_deg']:.2f} deg"
         )
     print(f"Fitness {row['fitness']:.3f}, {refined}.")
-    if last.found is not None:
-        how = "converged" if last.found.converged else "not converged"
-        print(
-            f"Search: {last.found.num_generations} generations in {last.found.num_rounds} rounds, "
-            f"{how}."
-        )
+    found = tracked[0].found
+    if found is not None:
+        how = "converged" if found.converged else "not converged: more --generations may help"
+        print(f"Search: {found.num_generations} generations in {found.num_rounds} rounds, {how}.")
     print(f"Results and pictures: {folder}/")
+
+
+def _WhyUnrefined(refinement: Refinement, rig: CameraRig) -> str:
+    """The reason, and what a person may do about it."""
+    if refinement.outcome == Outcome.OFF:
+        return "that is off (--recognizer), so that is_tracking tells of a high fitness alone"
+    largest = max(camera.calibration_error for camera in rig.cameras)
+    if refinement.outcome == Outcome.UNCERTAIN and largest > 0.0:
+        return (
+            f"{refinement.reason}; the cameras may be off by {largest:g} px (calibration_error in "
+            "the rig file: give what your calibration really leaves)"
+        )
+    return refinement.reason
 
 
 @contextmanager

@@ -121,6 +121,19 @@ class Camera:
         """
         return self._project(p_C, with_jacobian=True)
 
+    def sees(self, p_C: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points are in the image, whatever may stand before them.
+
+        Args:
+            p_C: Points in the rig's frame C [m], shape (..., 3).
+
+        Returns:
+            Whether each is, shape (...).
+        """
+        pixels = self.project(p_C)  # NaN is outside
+        end = np.array([self.width, self.height]) - 0.5
+        return np.asarray(((pixels > -0.5) & (pixels < end)).all(axis=-1))
+
     def _project(self, p_C: ArrayLike, *, with_jacobian: bool) -> tuple[Array, Array]:
         from mffdrake.recognition.camera.lens import project  # numba: slow to import
 

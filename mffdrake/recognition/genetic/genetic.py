@@ -19,6 +19,7 @@ from mffdrake.recognition.genetic.local_moves import LocalMoves
 from mffdrake.recognition.parameters import Count, Interval, Share, parameters
 
 if TYPE_CHECKING:
+    from mffdrake.recognition.camera.cameras import Camera, CameraRig
     from mffdrake.recognition.genetic.breeding import Coding, Shares
 
 Array = NDArray[np.float64]
@@ -26,6 +27,11 @@ Bits = NDArray[np.uint8]
 
 POSE_COORDINATES = ("x", "y", "z", "eps1", "eps2", "eps3")
 """Names of a pose vector's components, in their order."""
+
+# What a target fills of an image's smaller side at the least and the greatest depth that a rig
+# sees it in: it must be in the image as a whole, and its edges long enough to be told.
+_NEAREST, _FARTHEST = 0.9, 0.1
+_STEPS = 9  # along each side of an image, and in depth
 
 
 @parameters
@@ -65,6 +71,32 @@ class SearchRange:
             if name.startswith("eps") and (min(bounds) < -1 or max(bounds) > 1):
                 raise ValueError(f"{name} must lie within [-1, 1], not {list(bounds)}")
 
+    @classmethod
+    def in_view(cls, rig: CameraRig, size: float) -> SearchRange:
+        """All poses in which every camera can see a target well.
+
+        Args:
+            rig: The cameras. Where no place is seen by all of them, places count that one sees.
+            size: The target's greatest extent [m], `SolidModel.size`.
+
+        Returns:
+            The box around the places where the target's middle is in the images and it fills a
+            tenth to nine tenths of their smaller side, in any orientation.
+
+        Example:
+            >>> from mffdrake.recognition import CameraRig
+            >>> tuple(round(z, 2) for z in SearchRange.in_view(CameraRig.stereo(), 0.27).z)
+            (0.36, 3.26)
+        """
+        places = np.concatenate([_seen_places(camera, size) for camera in rig.cameras])
+        shared = places[np.all([camera.sees(places) for camera in rig.cameras], axis=0)]
+        if len(shared) and (np.ptp(shared, axis=0) > 0.0).all():
+            places = shared
+        lower, upper = places.min(axis=0), places.max(axis=0)
+        x, y, z = zip(lower.tolist(), upper.tolist(), strict=True)
+        anyhow = (-1.0, 1.0)
+        return cls(x=x, y=y, z=z, eps1=anyhow, eps2=anyhow, eps3=anyhow)
+
     @property
     def lower(self) -> Array:
         """Least pose vector, shape (6,)."""
@@ -74,6 +106,20 @@ class SearchRange:
     def upper(self) -> Array:
         """Greatest pose vector, shape (6,)."""
         return np.array([getattr(self, name)[1] for name in POSE_COORDINATES], dtype=float)
+
+
+def _seen_places(camera: Camera, size: float) -> Array:
+    """Places in the rig's frame, from all over what a camera sees of a target, shape (N, 3)."""
+    focal = min(camera.fx, camera.fy)
+    nearest, farthest = (
+        focal * size / (share * min(camera.width, camera.height)) for share in (_NEAREST, _FARTHEST)
+    )
+    u = np.linspace(0.0, camera.width - 1.0, _STEPS)
+    v = np.linspace(0.0, camera.height - 1.0, _STEPS)
+    z = np.geomspace(nearest, farthest, _STEPS)
+    u, v, z = (axis.ravel() for axis in np.meshgrid(u, v, z))
+    p_K = np.column_stack([z * (u - camera.cx) / camera.fx, z * (v - camera.cy) / camera.fy, z])
+    return p_K @ camera.R_CK.T + camera.p_CK
 
 
 @parameters

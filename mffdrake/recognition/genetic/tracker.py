@@ -143,6 +143,10 @@ class OneStepGaTracker:
         candidates = self.start.draw(self.algorithm, rng, self.matcher, scene)
         return self._select(candidates, scene, Generation(candidates, np.empty(0), gains=gains))
 
+    def start_from(self, generation: Generation, images: Images, *, frame: int) -> Generation:
+        """The population that a search on the first frame's images has found, as it is."""
+        return generation
+
     def track(
         self,
         generation: Generation,

@@ -17,6 +17,7 @@ from mffdrake.recognition.acquisition.acquisition import (
 )
 from mffdrake.recognition.genetic.genetic import SearchRange
 from mffdrake.recognition.poses.pose import rotation_angle
+from mffdrake.recognition.poses.pose_filter import PoseFilter
 from mffdrake.recognition.refinement.refinement import BorderRefiner, Refinement
 from mffdrake.recognition.solid.symmetry import Symmetries, Turns, find_look_alikes, find_symmetries
 
@@ -28,6 +29,19 @@ Array = NDArray[np.float64]
 _ONE = (0.1, np.radians(10.0))  # of the solid's size, and an angle [rad]: one pose, not two
 _LIKE = 0.5  # A look that is less fit by this factor is none.
 _AS_FIT = 0.05  # Of two looks, one less fit by this is worse.
+
+_NEAR = 20  # proposals where the target was last seen
+_LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
+_MOST_SPREAD = np.repeat([0.100, 0.30], 3)
+
+
+def draw_near(motion: PoseFilter, rng: np.random.Generator) -> Array:
+    """Poses where the target may be by now, shape (K, 6)."""
+    std = np.sqrt(np.diag(motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
+    spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
+    near = motion.pose + spread * rng.standard_normal((_NEAR, 6))
+    near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
+    return np.asarray(near)
 
 
 class Detection(NamedTuple):

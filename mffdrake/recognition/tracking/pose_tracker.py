@@ -133,7 +133,8 @@ class PoseTracker:
             channel_order: How the images' channels are ordered, "rgb" or (as OpenCV reads them)
                 "bgr". There is no default: in the wrong order red faces are taken for blue ones.
             colors: How the solid's materials look; by default as in its mesh file.
-            search_range: Where the target may be.
+            search_range: Where the target may be; by default anywhere in view, see
+                `SearchRange.in_view`.
             refine: Whether poses are refined from the color borders, and the target is searched for
                 and judged by them; or the GA is alone.
             seed: Of the random numbers, at least 0.
@@ -142,7 +143,7 @@ class PoseTracker:
             ValueError: When the colors lack one of the solid's materials, or the order is another.
         """
         matcher = Matcher(SearchModel(solid), rig, colors=colors, channel_order=channel_order)
-        coding = GeneCoding(search_range=SearchRange() if search_range is None else search_range)
+        coding = GeneCoding(search_range=search_range or SearchRange.in_view(rig, solid.size))
         ga = OneStepGaTracker(matcher=matcher, coding=coding, seed=seed)
         if not refine:
             return cls(ga)
@@ -212,7 +213,8 @@ class PoseTracker:
         found = PoseSearch(self.ga).search(
             images, generations, frame=self._next_frame, on_generation=on_generation
         )
-        return self._advance(found.generation), found
+        generation = self.algorithm.start_from(found.generation, images, frame=self._next_frame)
+        return self._advance(generation), found
 
     def track(self, images: Images, X_DC: ArrayLike | None = None) -> Estimate:
         """Takes the next frame; the first one as `start` does.

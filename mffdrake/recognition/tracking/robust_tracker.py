@@ -26,16 +26,13 @@ from mffdrake.recognition.poses.pose_filter import (
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import BorderRefiner
 from mffdrake.recognition.tracking.confidence import Evidence, confidence, probability_within
-from mffdrake.recognition.tracking.detection import Detection, Detector
+from mffdrake.recognition.tracking.detection import Detection, Detector, draw_near
 
 if TYPE_CHECKING:
     from mffdrake.recognition.fitness.structs import Scene
 
 Array = NDArray[np.float64]
 
-_NEAR = 20  # proposals where the target was last seen
-_LEAST_SPREAD = np.repeat([0.010, 0.03], 3)  # of them: position [m], quaternion
-_MOST_SPREAD = np.repeat([0.100, 0.30], 3)
 _SELDOM = 4  # Every so many frames it searches beside what it relies on.
 _INSIST = 4.0  # So many margins better must another pose be than one that is being tracked.
 # What an image seen before may be off where the target should be by now: so much, ...
@@ -141,8 +138,29 @@ class RobustTracker:
             The population, with the target's pose first where it is found.
         """
         scene, rng = self.matcher.scene(images, gains), self.ga.rng(frame)
-        first = self._with_hashes(self._plain.draw(scene, gains, rng), scene)[0]
+        first, _ = self._with_hashes(self._plain.draw(scene, gains, rng), scene)
         return self._search(first, scene, frame, rng)
+
+    def start_from(self, generation: Generation, images: Images, *, frame: int) -> Generation:
+        """Takes the first frame where a search on its images has found a pose.
+
+        Args:
+            generation: The population that was found.
+            images: One a camera, uint8, shape (height, width, 3 or 4).
+            frame: Number of the frame, which the random numbers depend on.
+
+        Returns:
+            The population, with the pose first that explains the images best: the one that was
+            found, or another; and what is to be thought of it. Where none explains enough, what
+            was found, without confidence.
+        """
+        scene, rng = self.matcher.scene(images, generation.gains), self.ga.rng(frame)
+        first, _ = self._with_hashes(generation, scene)
+        judged = self._search(first, scene, frame, rng)
+        if judged.refined:
+            return judged
+        found = {key: getattr(generation, key) for key in ("poses", "fitness", "covariance")}
+        return dc.replace(judged, **found)
 
     def track(self, generation: Generation, images: Images, *, frame: int) -> Generation:
         """Advances by one frame.
@@ -237,7 +255,7 @@ class RobustTracker:
         """Takes a frame on which the pose is not known, or only by prediction."""
         known = generation.poses[:1]
         if generation.motion is not None:
-            known = np.concatenate([known, self._draw_near(generation.motion, rng)])
+            known = np.concatenate([known, draw_near(generation.motion, rng)])
         seen, candidates = self.detector.anywhere(scene, known, frame, rng)
         if seen is not None:
             return self._accept(dc.replace(generation, motion=None), seen, scene)
@@ -269,14 +287,6 @@ class RobustTracker:
             is_tracking=generation.is_tracking and certain >= self.parameters.keep,
             unseen=generation.unseen + 1,
         )
-
-    def _draw_near(self, motion: PoseFilter, rng: np.random.Generator) -> Array:
-        """Poses where the target may be by now, shape (K, 6)."""
-        std = np.sqrt(np.diag(motion.covariance)[:6]) * np.repeat([1.0, 0.5], 3)
-        spread = np.clip(std, _LEAST_SPREAD, _MOST_SPREAD)
-        near = motion.pose + spread * rng.standard_normal((_NEAR, 6))
-        near[:, 3:] /= np.maximum(1.0, np.linalg.norm(near[:, 3:], axis=1, keepdims=True))
-        return np.asarray(near)
 
     def _accept(self, generation: Generation, seen: Detection, scene: Scene) -> Generation:
         """A frame whose images show the pose."""

@@ -13,7 +13,7 @@ from mffdrake.recognition.camera.cameras import CameraRig
 from mffdrake.recognition.fitness.colors import ColorModel
 from mffdrake.recognition.fitness.matching import Matcher, MatchingParameters
 from mffdrake.recognition.fitness.white_balance import AdaptiveWhiteBalance, FixedWhiteBalance
-from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticParameters
+from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticParameters, SearchRange
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters
 from mffdrake.recognition.genetic.starts import NearStart, RandomStart, Start
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
@@ -82,11 +82,30 @@ class TrackerParameters(GeneticParameters, GeneCoding):
     local_moves: LocalMoveParameters = dc.field(default_factory=LocalMoveParameters)
 
     @classmethod
-    def read(cls, text: str) -> TrackerParameters:
+    def in_view(cls, rig: CameraRig, solid: SolidModel) -> TrackerParameters:
+        """For images of which nothing else is known: any pose in view, refined and judged.
+
+        Args:
+            rig: The cameras.
+            solid: The object to recognize.
+
+        Example:
+            >>> from mffdrake.recognition import BLUE, GREEN, RED
+            >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+            >>> TrackerParameters.in_view(CameraRig.stereo(), box).search_range.eps1
+            (-1.0, 1.0)
+        """
+        return cls(
+            search_range=SearchRange.in_view(rig, solid.size), refinement=RefinementParameters()
+        )
+
+    @classmethod
+    def read(cls, text: str, default: TrackerParameters | None = None) -> TrackerParameters:
         """Reads a scenario's section ``recognizer`` by itself.
 
         Args:
             text: YAML with the section's keys.
+            default: What has the other keys' values; None for a scenario's.
 
         Raises:
             ParameterError: When a key is unknown or a value has the wrong type or range.
@@ -95,7 +114,7 @@ class TrackerParameters(GeneticParameters, GeneCoding):
             >>> TrackerParameters.read("{bits: 14, search_range: {z: [-0.1, 0.2]}}").bits
             14
         """
-        return read_parameters(cls, merge(cls(), ReadYaml(text)), "recognizer")
+        return read_parameters(cls, merge(default or cls(), ReadYaml(text)), "recognizer")
 
     def make_tracker(
         self,

@@ -150,6 +150,44 @@ def test_a_search_range_that_nobody_sees_is_warned_of(recording, quickly, tmp_pa
     assert "no camera looks toward the middle of the search range" in record.getMessage()
 
 
+def test_without_any_keys_the_target_is_found_anywhere_in_view(recording, quickly, tmp_path):
+    finished = quickly(
+        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --motion rec/motion.tum "
+        f"--out {tmp_path}",
+        recording[0],
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "refined, give or take" in finished.stdout
+    assert max(position_errors(recording, tmp_path)) < 0.005
+    assert column(tmp_path, "is_tracking")[-1] == 1.0
+
+
+def test_why_a_pose_is_not_refined_is_told(recording, quickly, tmp_path):
+    rig = yaml.safe_load((recording[0] / "rec/rig.yaml").read_text())
+    for camera in rig["cameras"].values():
+        camera["calibration_error"] = 3.0
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    track = f"{TRACK} {FOLDERS} --motion rec/motion.tum --out {tmp_path}"
+    for options, words in (
+        (f"--rig {tmp_path}/rig.yaml", ["too uncertain; the cameras may be off by 3 px"]),
+        ("--recognizer '{refinement: none}'", ["is_tracking tells of a high fitness alone"]),
+    ):
+        finished = quickly(f"{track} {options}", recording[0])
+        assert finished.returncode == 0, finished.stderr
+        for word in ["not refined: ", *words]:
+            assert word in finished.stdout
+
+
+def test_a_search_that_has_not_converged_says_so(recording, quickly, tmp_path):
+    finished = quickly(
+        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --generations 3 "
+        f"--out {tmp_path}",
+        recording[0],
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "3 generations in 1 rounds, not converged: more --generations" in finished.stdout
+
+
 # A recording over another
 
 
@@ -187,6 +225,10 @@ def assert_one_line(finished, *words):
         (f"{FOLDERS} --recognizer '{{refinement: x}}'", ["recognizer.refinement must be one of"]),
         (f"{FOLDERS} --recognizer '{{bits: [}}'", ["not YAML"]),
         (f"{FOLDERS} --generations 5", ["--generations searches from nothing: leave --start out"]),
+        (
+            f"{FOLDERS} --recognizer '{{search_range: {{z: [0.1, 0.2]}}}}'",
+            ["--start rec/start.tum: z = ", "outside the search range [0.1, 0.2]; widen it"],
+        ),
         (f"{FOLDERS} --generations -1", ["--generations", "positive whole number, not '-1'"]),
         (f"{FOLDERS} --rate nan", ["--rate", "positive number, not 'nan'"]),
         (f"{FOLDERS} --seed -1", ["--seed", "from 0 on, not '-1'"]),

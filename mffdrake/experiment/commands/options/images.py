@@ -40,7 +40,8 @@ def AddImageCommands(commands: Any) -> None:
     )  # fmt: skip
     add(
         "--start", metavar="FILE|random",
-        help="file with the first frame's pose, a line 'x y z qx qy qz qw'; or random",
+        help="file with the first frame's pose, a line 'x y z qx qy qz qw' or of TUM, 'time x y z "
+        "qx qy qz qw'; or random (default)",
     )  # fmt: skip
     add(
         "--generations", metavar="N", type=Positive(int),
@@ -55,7 +56,7 @@ def AddImageCommands(commands: Any) -> None:
     add(
         "--recognizer", metavar="YAML",
         help="keys of a scenario's section recognizer, or a file with them, e.g. "
-        "'{refinement: borders, search_range: {z: [0, 0.3]}}'",
+        "'{search_range: {z: [0, 0.3]}}' (default: poses anywhere in view, refined)",
     )  # fmt: skip
     add(
         "--overlay", metavar="images|video", nargs="?", const="images",
