@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK: shells that complete every program ask this one, too.
 """The command line: ``mffdrake run``, ``compare``, ``track`` and the others.
 
 What a command needs is imported when it is called: the help comes at once. A command is a function
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -43,7 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit status: 0, 1 when runs of a sweep or a reproduction failed or something needed is
         missing (doctor), 2 after a message on bad input, or 130 after an interrupt.
     """
-    options = MakeParser().parse_args(arguments)
+    parser = MakeParser()
+    if "_ARGCOMPLETE" in os.environ:  # A shell asks how a line may go on.
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    options = parser.parse_args(arguments)
     if options.command == "doctor":  # What the other commands import may be what is broken.
         return _PrintDiagnosis()
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)

@@ -35,6 +35,13 @@ class Variant:
         curve: Variants of the same curve are joined in a plot.
         value: Where on the curve it is, in the study's unit.
         changes: Scenario texts (YAML), each on top of the one before and all on top of the rest.
+
+    Example:
+        >>> gray = Variant("Gray code", "gray", 1.0, ("recognizer: {coding: gray}", "duration: 10"))
+        >>> study = Study("coding", "Coding", "Does it matter?", "coding [-]", (gray,), seeds=1)
+        >>> run = PlanRuns([study], Scenario())[0]
+        >>> run.scenario.recognizer.coding, run.scenario.duration
+        ('gray', 10.0)
     """
 
     label: str
@@ -54,6 +61,12 @@ class Study:
         axis: What a variant's ``value`` is, with its unit.
         variants: See `Variant`.
         seeds: Number of seeds.
+
+    Example:
+        >>> variants = Table("duration: 10", omegas=[0.1, 0.2], methods=["ga", "mff"])
+        >>> study = Study("short", "Short runs", "Is 10 s enough?", "omega", variants, seeds=3)
+        >>> len(PlanRuns([study], Scenario()))
+        12
     """
 
     name: str
@@ -149,6 +162,11 @@ class Reproduction:
         studies: What was run.
         rows: One for each of their runs, in order, see `EndedRun.Row`.
         records: Of the first seed from a start near the target: frames by (method, omega [rad/s]).
+
+    Example:
+        >>> rows = ({"seed": 0, "status": "done"}, {"seed": 1, "status": "failed"})
+        >>> [row["seed"] for row in Reproduction(studies=(), rows=rows, records={}).Failures()]
+        [1]
     """
 
     studies: tuple[Study, ...]
@@ -204,6 +222,12 @@ def Summarize(rows: Sequence[dict[str, Any]]) -> list[Group]:
 
     Returns:
         A group for each study's variant, in order.
+
+    Example:
+        >>> variant = {"study": "near", "label": "mff, 0.1 rad/s", "curve": "mff", "value": 0.1}
+        >>> rows = [{**variant, "seed": k, "mean_fitness": 0.8} for k in range(3)]
+        >>> [group.Quartiles("mean_fitness").median for group in Summarize(rows)]
+        [0.8]
     """
     return GroupRows(rows, ("study", "label", "curve", "value"))
 

@@ -71,6 +71,13 @@ def Compare(
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
         WorkerDiedError: When a process that works on a run ended from outside, again and again.
         ClusterError: When a cluster cannot be reached (any more).
+
+    Example:
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> pair = MakeVariants(short, methods=["ga", "mff"], omegas=[0.314], num_seeds=1)
+        >>> [result.recognized_pose.shape for result in Compare(pair)]
+        [(4, 6), (4, 6)]
     """
 
     def Tell(ended: EndedRun) -> None:

@@ -35,6 +35,14 @@ class PlannedRun:
         labels: What tables call it: column to value, in order.
         keeps_frames: Whether its record is kept frame by frame.
         may_be_unreachable: Whether it is an answer, too, that the arm cannot follow the path.
+
+    Example:
+        >>> plan = [
+        ...     PlannedRun(scenario=Scenario(method=method, seed=seed), labels={"method": method})
+        ...     for method in ("ga", "mff") for seed in (0, 1)
+        ... ]
+        >>> plan[-1].labels["method"], plan[-1].scenario.seed
+        ('mff', 1)
     """
 
     scenario: Scenario
@@ -58,6 +66,12 @@ class EndedRun:
         frames: Its frames, where they are kept.
         was_kept: Whether it was there from before.
         exception: Why it failed just now; None where it did not.
+
+    Example:
+        >>> run = PlannedRun(scenario=Scenario(seed=7), labels={"method": "mff"})
+        >>> ended = EndedRun(run=run, record=Record(error="ValueError: too dark"))
+        >>> ended.status, ended.Row()["error"]
+        ('failed', 'ValueError: too dark')
     """
 
     run: PlannedRun

@@ -36,6 +36,11 @@ class Grid:
         values: The varied keys, dotted, and their values.
         seeds: The seeds.
         runs: The plan, labeled by the keys: the last key varies fastest, the seeds still faster.
+
+    Example:
+        >>> grid = MakeGrid({"grid": {"method": ["ga", "mff"]}, "seeds": [7, 8]})
+        >>> grid.values, grid.seeds, len(grid.runs)
+        ({'method': ['ga', 'mff']}, (7, 8), 4)
     """
 
     scenario: Scenario

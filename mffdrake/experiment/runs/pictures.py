@@ -33,6 +33,12 @@ def PlotErrors(results: Sequence[SimulationResult]) -> Figure:
 
     Returns:
         The figure, with a logarithmic error axis.
+
+    Example:
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> PlotErrors([Simulate(short)]).axes[0].get_title()
+        'omega = 0.105 rad/s'
     """
     scenarios = [LoadScenario(text=result.scenario) for result in results]
     speeds = list(dict.fromkeys(scenario.hand_path.omega for scenario in scenarios))
@@ -67,6 +73,13 @@ def PlotComparison(rows: Sequence[dict[str, Any]]) -> Figure:
 
     Returns:
         The figure: three panels over omega.
+
+    Example:
+        >>> from mffdrake.experiment.simulation.evaluation import Evaluate
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> [axis.get_ylabel() for axis in PlotComparison([Evaluate(Simulate(short))]).axes][0]
+        'mean fitness'
     """
     settled, groups = IsSettled(rows), GroupRows(rows, ("method", "omega"))
     figure, axes = NewFigure(1, 3, (13.0, 4.0))

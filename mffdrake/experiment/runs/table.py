@@ -196,6 +196,14 @@ def SummaryTable(
         The table: medians over the seeds (of shares, means), of the frames after the first
         `SETTLED_AFTER` seconds, or of all frames where a run is shorter; the number of seeds that
         are done and, if any failed, of those that did.
+
+    Example:
+        >>> gray = {"coding": "gray", "mean_fitness": 0.8}
+        >>> rows = [gray | {"mean_fitness_settled": fitness} for fitness in (0.8, 0.9, 0.9)]
+        >>> print(SummaryTable(rows, ["coding"]))
+        | coding | seeds | fitness |
+        |---:|---:|---:|
+        | gray | 3 | 0.900 |
     """
     groups, settled = GroupRows(rows, by), IsSettled(rows)
     columns = [column for column in COLUMNS if column.shown or column.name in more]
@@ -238,6 +246,15 @@ def MarkdownTable(rows: Sequence[dict[str, Any]]) -> str:
 
     Returns:
         See `SummaryTable`; with the errors of each coordinate, and `WindowNote` below.
+
+    Example:
+        >>> row = {"omega": 0.1, "mean_fitness": 0.8, "mean_fitness_settled": 0.9}
+        >>> table = MarkdownTable([row | {"method": method} for method in ("ga", "mff")])
+        >>> print(table.partition("Medians")[0].rstrip())
+        | omega [rad/s] | method | seeds | fitness |
+        |---:|---:|---:|---:|
+        | 0.1 | ga | 1 | 0.900 |
+        | 0.1 | mff | 1 | 0.900 |
     """
     table = SummaryTable(
         rows, ("omega", "method"), more=_PAPERS, headings={"omega": "omega [rad/s]"}

@@ -46,7 +46,15 @@ __all__ = ["METHODS", "Change", "LoadScenario", "Scenario", "ScenarioError", "Se
 
 
 class ScenarioError(ParameterError):
-    """A scenario is wrong; the message is one line for the person who wrote it."""
+    """A scenario is wrong; the message is one line for the person who wrote it.
+
+    Example:
+        >>> try:
+        ...     LoadScenario(text="duration: -1")
+        ... except ScenarioError as error:
+        ...     print(error)
+        scenario text: duration must be positive, not -1
+    """
 
 
 METHODS = ("ga", "mff")

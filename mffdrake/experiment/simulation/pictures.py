@@ -42,6 +42,14 @@ def DrawCameraView(
     Returns:
         An RGB image, the left camera's on the left, shape (height, 2 width, 3); see `DrawViews`
         and `AddCaption`.
+
+    Example:
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> diagram = MakeHandEyeDiagram(short)
+        >>> DrawCameraView(diagram, short, Simulate(short, diagram=diagram)).shape
+        (48, 128, 3)
     """
     rig = diagram.GetSubsystemByName("recognizer").tracker.rig
     if images is None:
@@ -108,6 +116,14 @@ def DrawScene(
 
     Returns:
         An RGB image, shape (height, width, 3).
+
+    Example:
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> diagram = MakeHandEyeDiagram(short)
+        >>> DrawScene(diagram, Simulate(short, diagram=diagram), width=320, height=240).shape
+        (240, 320, 3)
     """
     scenario = LoadScenario(text=result.scenario)
     context = _ContextOfFrame(diagram, result, frame)

@@ -50,6 +50,15 @@ def SaveFigure(figure: Figure, path: Path | str) -> None:
 
     Raises:
         OSError: When it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> file = Path(tempfile.mkdtemp()) / "pose.png"
+        >>> SaveFigure(PlotPose([Simulate(short)]), file)
+        >>> file.exists()
+        True
     """
     with WholeFile(path) as part:
         figure.savefig(part, dpi=120)
@@ -77,6 +86,12 @@ def PlotHandPath(result: SimulationResult) -> Figure:
 
     Returns:
         The figure: six panels over time.
+
+    Example:
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> len(PlotHandPath(Simulate(short)).axes)
+        6
     """
     omega = LoadScenario(text=result.scenario).hand_path.omega
     figure, axes = SixPanels(f"Hand pose in the first hand frame, omega = {omega:g} rad/s")
@@ -102,6 +117,12 @@ def PlotPose(results: Sequence[SimulationResult]) -> Figure:
         The figure: seven panels over time, the fitness below the others. The range of each follows
         the true pose (a wide gray line), so that wild guesses at the start run out of the panel
         instead of hiding the rest; triangles at its border tell when.
+
+    Example:
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> len(PlotPose([Simulate(short)]).axes)
+        7
     """
     from matplotlib.figure import Figure
 

@@ -65,6 +65,15 @@ def Record(
         ScenarioError, UnreachablePathError, GraphicsUnavailableError: See `MakeHandEyeDiagram`.
         RosError: When an MCAP file is wanted and its libraries are not installed.
         OSError: When the files cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> folder = Path(tempfile.mkdtemp())
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> result = Record(short, folder)
+        >>> sorted(file.name for file in (folder / "images" / "left").iterdir())[-1]
+        '000003.png'
     """
     # First, as it may fail, and the simulation may take long.
     mesh, materials = ReadScenarioMesh(scenario).as_obj("target.mtl")

@@ -102,6 +102,14 @@ def CalcHandErrors(result: SimulationResult, scenario: Scenario) -> tuple[Array,
 
     Returns:
         Distances [m] and angles [rad], each of shape (K,).
+
+    Example:
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> from mffdrake.experiment.simulation.simulation import Simulate
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> distances, angles = CalcHandErrors(Simulate(short), short)
+        >>> (1000 * distances).round()  # mm
+        array([0., 0., 0., 1.])
     """
     return pose_errors(result.true_pose, WantedPose(scenario))
 

@@ -55,6 +55,15 @@ class SimulationResult:
         wall_s: Wall time of the simulation [s], without building the diagram and loading the
             compiled kernels.
         symmetries: Those of the target, in words.
+
+    Example:
+        >>> import tempfile
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> file = Path(tempfile.mkdtemp()) / "result.npz"
+        >>> short = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> Simulate(short).Save(file)
+        >>> SimulationResult.Load(file).recognized_pose.shape
+        (4, 6)
     """
 
     scenario: str

@@ -89,7 +89,16 @@ class AcquisitionParameters:
 
 @parameters
 class NoAcquisition:
-    """Leaves the search to the GA, and the judgement to whoever reads the fitness."""
+    """Leaves the search to the GA, and the judgement to whoever reads the fitness.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, SolidModel
+        >>> from mffdrake.recognition import TrackerParameters
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> alone = TrackerParameters(acquisition=NoAcquisition())
+        >>> type(alone.make_tracker(solid=box, rig=CameraRig.stereo())).__name__
+        'OneStepGaTracker'
+    """
 
     kind: ClassVar[str] = "none"
 
@@ -151,6 +160,15 @@ class Acquisition:
             cameras.
         search_range: Where proposals lie.
         parameters: How it searches.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> search = Acquisition(BorderRefiner(matcher), SearchRange(), AcquisitionParameters())
+        >>> dark = matcher.scene(2 * [np.zeros((480, 640, 3), dtype=np.uint8)])
+        >>> search.search(dark, known=[], frame=0, rng=np.random.default_rng(0))
+        []
     """
 
     refiner: BorderRefiner

@@ -20,7 +20,19 @@ if TYPE_CHECKING:
 
 
 class CalibrationError(InputError, ValueError):
-    """A calibration file is wrong; the message is one line that names the file and the key."""
+    """A calibration file is wrong; the message is one line that names the file and the key.
+
+    Example:
+        >>> import tempfile
+        >>> from mffdrake.recognition.camera.calibration import read_camera
+        >>> file = Path(tempfile.mkdtemp()) / "right.yaml"
+        >>> _ = file.write_text("{image_width: 640, image_height: 480}")
+        >>> try:
+        ...     read_camera(file)
+        ... except CalibrationError as error:
+        ...     print(str(error).removeprefix(f"{file}: ").partition(";")[0])
+        no camera matrix
+    """
 
 
 class Keys:

@@ -52,6 +52,11 @@ class MatchingParameters:
 
     Raises:
         ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> dim = MatchingParameters(min_value=0.1, hue_tolerance_deg=25)  # for a dark room
+        >>> dim.min_value, dim.min_saturation
+        (0.1, 0.62)
     """
 
     hue_tolerance_deg: Annotated[float, Ge(0), Le(180)] = 20.0

@@ -25,7 +25,14 @@ _DAMPING = math.radians(2.0) ** 2  # Gains that hardly change any hue stay as th
 
 
 class WhiteBalance(Protocol):
-    """Changes the gains of the color channels from frame to frame."""
+    """Changes the gains of the color channels from frame to frame.
+
+    Example:
+        >>> class Dusk:  # The light gets redder, slowly.
+        ...     def adapt(self, gains, pose, scene, matcher):
+        ...         return 0.999 * gains[0], 1.0, gains[2]
+        >>> balance: WhiteBalance = Dusk()  # A `OneStepGaTracker` takes it.
+    """
 
     def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The next frame's gains."""
@@ -34,7 +41,16 @@ class WhiteBalance(Protocol):
 
 @dataclass(frozen=True)
 class FixedWhiteBalance:
-    """Leaves the gains as they are."""
+    """Leaves the gains as they are.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, OneStepGaTracker
+        >>> from mffdrake.recognition import SearchModel, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> OneStepGaTracker(matcher=matcher).white_balance
+        FixedWhiteBalance()
+    """
 
     def adapt(self, gains: Gains, pose: ArrayLike, scene: Scene, matcher: Matcher) -> Gains:
         """The given gains."""

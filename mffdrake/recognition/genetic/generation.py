@@ -35,6 +35,12 @@ class Generation:
         unseen: For how many frames it has not been seen, or not where it was expected.
         motion: What is known of the target's own motion; None for nothing.
         image_hashes: A number a camera that tells its image from others.
+
+    Example:
+        >>> seen = Generation(np.array([[0.0, 0.1, 0.8, 0.0, 0.0, 0.0]]), np.array([0.9]))
+        >>> nearer = seen.carried(np.eye(3), [0.0, 0.0, -0.2])  # The cameras went 0.2 m ahead.
+        >>> nearer.best.round(3) + 0.0
+        array([0. , 0.1, 0.6, 0. , 0. , 0. ])
     """
 
     poses: Array

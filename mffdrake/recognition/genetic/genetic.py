@@ -208,6 +208,14 @@ class GeneticParameters:
 
     Raises:
         ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> plain = GeneticParameters(  # the plain 1-step GA
+        ...     survivor_share=0.5, local_share=0, newcomer_share=0,
+        ...     first_candidates=1, average_best=False,
+        ... )
+        >>> plain.population_size
+        60
     """
 
     population_size: Annotated[int, Ge(3)] = 60

@@ -40,6 +40,13 @@ class LocalMoveParameters:
 
     Raises:
         ValueError: When a parameter is outside its range.
+
+    Example:
+        >>> small = LocalMoveParameters(depth=0.02, shift=0.01, rotation_deg=5.0)
+        >>> moves = LocalMoves(np.zeros((1, 3)), np.zeros(3), small)
+        >>> poses = moves.draw([0.0, 0.0, 0.8, 0.0, 0.0, 0.0], 100, np.random.default_rng(0))
+        >>> bool((abs(poses[:, 2] - 0.8) < 0.1).all())
+        True
     """
 
     depth: NonNegative = 0.200

@@ -18,7 +18,14 @@ Array = NDArray[np.float64]
 
 
 class Start(Protocol):
-    """Draws the candidates for the first population."""
+    """Draws the candidates for the first population.
+
+    Example:
+        >>> class Ahead:
+        ...     def draw(self, algorithm, rng, matcher, scene):
+        ...         return algorithm.draw_near([0.0, 0.0, 0.8, 0.0, 0.0, 0.0], (0.1, 0.3), 500, rng)
+        >>> start: Start = Ahead()  # A `OneStepGaTracker` takes it.
+    """
 
     def draw(
         self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
@@ -36,7 +43,15 @@ class Start(Protocol):
 
 @dataclass(frozen=True)
 class RandomStart:
-    """A first population over the whole search range: nothing is known of the pose."""
+    """A first population over the whole search range: nothing is known of the pose.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, OneStepGaTracker
+        >>> from mffdrake.recognition import SearchModel, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> OneStepGaTracker(matcher=Matcher(SearchModel(box), CameraRig.stereo())).start
+        RandomStart()
+    """
 
     def draw(
         self, algorithm: GeneticAlgorithm, rng: np.random.Generator, matcher: Matcher, scene: Scene
@@ -78,6 +93,16 @@ class NearStart:
     Attributes:
         pose: The pose vector, shape (6,).
         spread: Standard deviations of the position [m] and of the quaternion.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, OneStepGaTracker
+        >>> from mffdrake.recognition import SearchModel, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> near = NearStart([0.0, 0.1, 0.8, 0.0, 0.0, 0.0], spread=(0.001, 0.001))
+        >>> matcher = Matcher(SearchModel(box), CameraRig.stereo())
+        >>> black = 2 * [np.zeros((480, 640, 3), dtype=np.uint8)]
+        >>> OneStepGaTracker(matcher=matcher, start=near).start_population(black).best[:3].round(1)
+        array([0. , 0.1, 0.8])
     """
 
     pose: ArrayLike

@@ -55,7 +55,16 @@ Interval = tuple[Finite, Finite]
 
 
 class ParameterError(InputError, ValueError):
-    """A parameter is wrong; the message is one line for the person who gave it."""
+    """A parameter is wrong; the message is one line for the person who gave it.
+
+    Example:
+        >>> from mffdrake.recognition import SearchRange
+        >>> try:
+        ...     SearchRange(z=(0.9, 0.5))
+        ... except ParameterError as error:
+        ...     print(error)
+        SearchRange: z must be [least, greatest], not [0.9, 0.5]
+    """
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dc.field,))

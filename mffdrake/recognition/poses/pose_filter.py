@@ -60,6 +60,11 @@ class PoseFilterParameters:
 
     Raises:
         ValueError: When a parameter is not positive, or ``lasting`` or ``swing`` is negative.
+
+    Example:
+        >>> swinging = PoseFilterParameters(acceleration=2.0, lasting=0.3, swing=3.0)
+        >>> swinging.start.size  # Accelerations and stiffness are estimated, too.
+        14
     """
 
     acceleration: Positive = 0.5

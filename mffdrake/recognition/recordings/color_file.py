@@ -139,6 +139,15 @@ def LearnColors(
 
     Raises:
         ValueError: When a material's pixels are too few, too dark or too grey.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> image = np.full((48, 64, 3), (230, 60, 20), dtype=np.uint8)  # of its red face, close up
+        >>> masks = {box.materials[0]: {"right": np.ones((48, 64), dtype=bool)}}
+        >>> model = LearnColors(box, {"right": image}, masks)
+        >>> round(math.degrees(model.colors[0].hue), 1)
+        11.4
     """
     hues = dict(zip(solid.materials, solid.hues.tolist(), strict=True))
     unseen = ColorModel(

@@ -142,6 +142,13 @@ def ReadImage(path: Path | str) -> Image:
 
     Raises:
         ImageSourceError: When it is no image, grey, or not of 8 bits a channel.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "red.png"
+        >>> SaveImage(np.full((480, 640, 3), (255, 0, 0), dtype=np.uint8), file)
+        >>> ReadImage(file)[0, 0]
+        array([255,   0,   0], dtype=uint8)
     """
     return DecodeImage(np.fromfile(path, dtype=np.uint8), path)
 
@@ -207,6 +214,13 @@ def SaveImage(image: NDArray[np.uint8], path: Path | str) -> None:
 
     Raises:
         OSError: When it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "red.png"
+        >>> SaveImage(np.full((480, 640, 3), (255, 0, 0), dtype=np.uint8), file)
+        >>> ReadImage(file).shape
+        (480, 640, 3)
     """
     with WholeFile(path) as part:
         part.write_bytes(EncodePng(image).tobytes())

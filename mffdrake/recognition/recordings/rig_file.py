@@ -34,7 +34,18 @@ _FILE_ERROR = 1.0  # [px] What the calibration of a real camera may well leave
 
 
 class RigError(InputError, ValueError):
-    """A rig file is wrong; the message is one line for the person who wrote it."""
+    """A rig file is wrong; the message is one line for the person who wrote it.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "rig.yaml"
+        >>> _ = file.write_text("camera: {right: {calibration: right.yaml}}")
+        >>> try:
+        ...     LoadRig(file)
+        ... except RigError as error:
+        ...     print(str(error).removeprefix(f"{file}: "))
+        unknown key 'camera' (did you mean 'cameras'?); known keys: cameras
+    """
 
 
 @parameters

@@ -97,6 +97,14 @@ def LoadTrajectory(path: Path | str) -> Trajectory:
     Raises:
         TrajectoryError: When a line is wrong; the message names it.
         OSError: When the file cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "motion.tum"
+        >>> np.savetxt(file, [[0.0, 0, 0, 0.8, 0, 0, 0, 1], [0.1, 0.02, 0, 0.8, 0, 0, 0, 1]])
+        >>> motion = LoadTrajectory(file)
+        >>> np.diff(motion.poses[:, 0]) / np.diff(motion.times)  # m/s
+        array([0.2])
     """
     rows = _Rows(path, (8,))
     data = np.array(rows)

@@ -128,6 +128,11 @@ class Refinement:
             1 where every pixel shows one color.
         disagreement: How far one camera's borders alone would move the pose [m], beyond what
             chance explains.
+
+    Example:
+        >>> given = np.array([0.0, 0.155, 0.8, 0.0, 0.0, 0.0])
+        >>> Refinement(given, Outcome.TOO_FEW_BORDERS).reason
+        'too few borders'
     """
 
     pose: Array
@@ -155,7 +160,11 @@ class Refinement:
 
 
 class Refiner(Protocol):
-    """Makes a pose more accurate."""
+    """Makes a pose more accurate.
+
+    Example:
+        >>> refiner: Refiner = NoRefinement()  # or a `BorderRefiner`, or one's own
+    """
 
     def refine_scene(self, pose: ArrayLike, scene: Scene) -> Refinement:
         """The refined pose, or the given one with a reason, on images made ready."""

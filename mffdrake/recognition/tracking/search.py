@@ -75,6 +75,14 @@ class Found:
         num_generations: How many generations it took.
         num_rounds: How many rounds.
         converged: Whether enough rounds agreed.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED, CameraRig, PoseTracker, SolidModel
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> tracker = PoseTracker.of(CameraRig.stereo(), box, channel_order="rgb")
+        >>> _, found = tracker.search(2 * [np.zeros((480, 640, 3), dtype=np.uint8)], generations=5)
+        >>> found.num_rounds, found.converged
+        (1, False)
     """
 
     generation: Generation

@@ -42,6 +42,12 @@ class SamplingParameters:
 
     Raises:
         ValueError: When a length is not positive.
+
+    Example:
+        >>> from mffdrake.recognition import BLUE, GREEN, RED
+        >>> box = SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+        >>> len(SearchModel(box, SamplingParameters(spacing=0.040)).inside_points)
+        216
     """
 
     spacing: Positive = 0.020

@@ -23,7 +23,17 @@ POSE_SIZE = 6
 
 
 class ArmError(InputError, ValueError):
-    """The arm's description does not make an arm; the message is one line that says why."""
+    """The arm's description does not make an arm; the message is one line that says why.
+
+    Example:
+        >>> from mffdrake.systems.arms.hand_path import HandPath, SolveHandPath
+        >>> from mffdrake.systems.arms.pa10 import MakePa10Plant
+        >>> try:
+        ...     SolveHandPath(MakePa10Plant(), HandPath(), duration=1.0, held_joints=["elbow"])
+        ... except ArmError as error:
+        ...     print(str(error).partition(". ")[0])
+        arm: held_joints names elbow, but the joints are S1, S2, S3, E1, E2, W1, W2
+    """
 
 
 def MovingJoints(

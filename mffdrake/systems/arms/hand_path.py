@@ -230,6 +230,14 @@ def AddHandPathSource(
     Returns:
         A system with one output port of size 2n: the desired joint angles [rad], then the
         velocities [rad/s]. After the trajectory's end the angles stay and the velocities are zero.
+
+    Example:
+        >>> from mffdrake.systems.arms.pa10 import MakePa10Plant
+        >>> from pydrake.systems.framework import DiagramBuilder
+        >>> trajectory = SolveHandPath(MakePa10Plant(), HandPath(), duration=1.0)
+        >>> source = AddHandPathSource(DiagramBuilder(), trajectory)
+        >>> source.get_output_port().size()  # of seven joints
+        14
     """
     source = builder.AddSystem(TrajectorySource(trajectory, output_derivative_order=1))
     source.set_name(name)

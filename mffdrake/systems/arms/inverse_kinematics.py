@@ -37,7 +37,17 @@ _VELOCITY_REMEDY = "Reduce the path's omega or amplitude."
 
 
 class UnreachablePathError(InputError, ValueError):
-    """The arm cannot follow the path; the message says when, why and what to change."""
+    """The arm cannot follow the path; the message says when, why and what to change.
+
+    Example:
+        >>> from mffdrake.systems.arms.hand_path import HandPath, SolveHandPath
+        >>> from mffdrake.systems.arms.pa10 import MakePa10Plant
+        >>> try:
+        ...     SolveHandPath(MakePa10Plant(), HandPath(omega=5.0), duration=1.0)
+        ... except UnreachablePathError as error:
+        ...     print(str(error).partition(":")[0])
+        hand path too fast at t = 0.00 s
+    """
 
 
 class ArmKinematics:

@@ -74,6 +74,20 @@ def AddStereoCamera(
     Raises:
         ValueError: When the frames do not lie to each other as the rig's cameras do, a camera sees
             farther from its axis than can be drawn, or the scene lacks the renderer.
+
+    Example:
+        >>> import mffdrake as mff
+        >>> from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+        >>> builder, rig = DiagramBuilder(), CameraRig.stereo(baseline=0.120)
+        >>> plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+        >>> _ = mff.AddPa10(plant), mff.AddCameraFrames(plant, baseline=0.120)
+        >>> plant.Finalize()
+        >>> renderer = mff.AddRenderer(scene_graph, "flat")
+        >>> cameras = AddStereoCamera(
+        ...     builder, plant=plant, scene_graph=scene_graph, rig=rig, renderer=renderer
+        ... )
+        >>> cameras.GetOutputPort("color_image_left").get_name()
+        'color_image_left'
     """
     if not scene_graph.HasRenderer(renderer):
         raise ValueError(f"the scene has no renderer '{renderer}'; add it with AddRenderer")

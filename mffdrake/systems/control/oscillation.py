@@ -26,6 +26,11 @@ class Oscillation:
         decay_s: The time in which it falls to 1/e [s]; infinite where it does not decay.
         amplitude: At time 0, in the signal's unit.
         explained: Share of the swing's variance that it explains, up to 1.
+
+    Example:
+        >>> swing = Oscillation(frequency_hz=0.73, decay_s=15.0, amplitude=5.0, explained=0.99)
+        >>> round(swing.AmplitudeAt(30.0), 2), round(swing.damping_ratio, 4)
+        (0.68, 0.0145)
     """
 
     frequency_hz: float

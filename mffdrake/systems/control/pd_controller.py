@@ -187,6 +187,24 @@ def AddComputedTorque(
 
     Returns:
         Drake's own system, which computes the torques.
+
+    Example:
+        >>> import mffdrake as mff
+        >>> from pydrake.systems.framework import DiagramBuilder
+        >>> from pydrake.systems.primitives import ConstantVectorSource
+        >>> builder = DiagramBuilder()
+        >>> arm = builder.AddSystem(mff.MakePa10Plant(0.001))
+        >>> wanted = builder.AddSystem(ConstantVectorSource(np.zeros(7)))
+        >>> gains = mff.PdGains.LightlyDamped()
+        >>> controller = builder.AddSystem(PdController(kp=gains.kp, kd=gains.kd))
+        >>> AddComputedTorque(
+        ...     builder,
+        ...     arm_plant=mff.MakePa10Plant(),
+        ...     estimated_state=arm.get_state_output_port(),
+        ...     desired_acceleration=wanted.get_output_port(),
+        ...     feedforward_torque=controller.GetInputPort("feedforward_torque"),
+        ... ).get_name()
+        'computed_torque'
     """
     system = builder.AddNamedSystem(
         name, InverseDynamics(arm_plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)

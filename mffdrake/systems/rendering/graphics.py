@@ -24,7 +24,16 @@ _REMEDY = (
 
 
 class GraphicsUnavailableError(InputError, RuntimeError):
-    """This machine cannot render; the message says what is missing and what helps."""
+    """This machine cannot render; the message says what is missing and what helps.
+
+    Example:
+        >>> try:
+        ...     RequireGraphics()
+        ... except GraphicsUnavailableError:
+        ...     renderer = "flat"  # It needs no driver.
+        ... else:
+        ...     renderer = "vtk"
+    """
 
 
 @functools.cache  # an error is not cached: the next call looks again

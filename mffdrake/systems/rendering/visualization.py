@@ -65,6 +65,20 @@ class PoseEstimateVisualizer(LeafSystem):
         solid: The target as a solid; without, its edges and the hypotheses are not shown.
         rig: The cameras, whose pyramids are shown.
         num_hypotheses: Number N of hypotheses.
+
+    Example:
+        >>> import mffdrake as mff
+        >>> meshcat, plant = Meshcat(), mff.MakePa10Plant()
+        >>> mesh = ColoredMesh.read(mff.FindModelsPath() / "target_box.obj")
+        >>> ghost = PoseEstimateVisualizer(
+        ...     meshcat=meshcat, plant=plant, mesh=mesh, camera_frame="hand"
+        ... )
+        >>> context = ghost.CreateDefaultContext()
+        >>> _ = ghost.GetInputPort("X_CM").FixValue(context, RigidTransform([0.0, 0.0, 0.8]))
+        >>> _ = ghost.GetInputPort("state").FixValue(context, np.zeros(14))
+        >>> ghost.ForcedPublish(context)
+        >>> meshcat.HasPath("estimate/ghost")
+        True
     """
 
     def __init__(
@@ -126,6 +140,25 @@ def AddMeshcat(
         population: The port of the hypotheses, shape (6 N,); not shown without.
         solid: See `PoseEstimateVisualizer`.
         rig: See `PoseEstimateVisualizer`.
+
+    Example:
+        >>> import mffdrake as mff
+        >>> from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+        >>> from pydrake.systems.primitives import ConstantValueSource
+        >>> builder, meshcat = DiagramBuilder(), Meshcat()
+        >>> plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.001)
+        >>> _ = mff.AddPa10(plant)
+        >>> plant.Finalize()
+        >>> pose = AbstractValue.Make(RigidTransform([0.0, 0.0, 0.8]))
+        >>> AddMeshcat(
+        ...     builder, meshcat=meshcat, plant=plant, scene_graph=scene_graph, camera_frame="hand",
+        ...     estimate=builder.AddSystem(ConstantValueSource(pose)).get_output_port(),
+        ...     mesh=ColoredMesh.read(mff.FindModelsPath() / "target_box.obj"),
+        ... )
+        >>> diagram = builder.Build()
+        >>> diagram.ForcedPublish(diagram.CreateDefaultContext())
+        >>> meshcat.HasPath("estimate/ghost")
+        True
     """
     params = MeshcatVisualizerParams(publish_period=_PUBLISH_PERIOD)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
@@ -222,6 +255,15 @@ def SaveReplay(meshcat: Meshcat, path: Path | str) -> None:
 
     Raises:
         OSError: When it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> meshcat, file = Meshcat(), Path(tempfile.mkdtemp()) / "replay.html"
+        >>> meshcat.StartRecording()
+        >>> meshcat.SetTransform("target", RigidTransform([0.0, 0.0, 0.8]), time_in_recording=1.0)
+        >>> SaveReplay(meshcat, file)
+        >>> file.exists()
+        True
     """
     meshcat.StopRecording()
     meshcat.PublishRecording()
@@ -239,6 +281,15 @@ def SaveDiagram(diagram: Diagram, path: Path | str) -> None:
     Raises:
         FileNotFoundError: When Graphviz's program ``dot`` is not installed.
         OSError: When the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from pydrake.systems.primitives import ConstantVectorSource
+        >>> builder, file = DiagramBuilder(), Path(tempfile.mkdtemp()) / "diagram.svg"
+        >>> _ = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+        >>> SaveDiagram(builder.Build(), file)
+        >>> "source" in file.read_text()
+        True
     """
     if shutil.which("dot") is None:
         raise FileNotFoundError(

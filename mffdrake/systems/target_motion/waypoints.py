@@ -24,6 +24,11 @@ class Waypoint:
         time: The time [s].
         translation: How far it has moved along the world's axes [m].
         rotation_deg: The rotation vector by which it has turned, along them [deg].
+
+    Example:
+        >>> turned = Waypoint(time=4.0, rotation_deg=(0.0, 0.0, 90.0))
+        >>> Waypoints(points=(Waypoint(time=0.0), turned)).CalcOffset(2.0)[1].round(3)
+        array([0.   , 0.   , 0.785])
     """
 
     time: NonNegative

@@ -92,6 +92,15 @@ def WriteReport(reproduction: Reproduction, folder: Path | str) -> Path:
 
     Raises:
         OSError: When a file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from mffdrake.experiment.runs.executors.executors import InProcess
+        >>> from mffdrake.experiment.scenario.scenario import LoadScenario
+        >>> base = LoadScenario(text="{duration: 0.1, camera: {width: 64, height: 48}}")
+        >>> folder, studies = tempfile.mkdtemp(), MakeStudies(short=True)[2:3]
+        >>> WriteReport(RunStudies(studies, base, folder, executor=InProcess()), folder).name
+        'report.md'
     """
     folder = Path(folder)
     summary = Summarize(reproduction.rows)

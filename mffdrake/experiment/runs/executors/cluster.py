@@ -28,7 +28,16 @@ _SIMULATION_THREAD = ThreadPoolExecutor(1, thread_name_prefix="simulation")
 
 
 class ClusterError(InputError, RuntimeError):
-    """A cluster cannot be used (any more); the message says what helps."""
+    """A cluster cannot be used (any more); the message says what helps.
+
+    Example:
+        >>> try:
+        ...     with DaskCluster("tcp://127.0.0.1:1"):
+        ...         pass
+        ... except ClusterError as error:
+        ...     print(str(error)[:41])
+        no Dask scheduler at 'tcp://127.0.0.1:1':
+    """
 
 
 class DaskCluster:

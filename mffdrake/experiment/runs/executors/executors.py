@@ -14,7 +14,16 @@ __all__ = ["Executor", "InProcess", "Outcome", "WorkerDiedError"]
 
 
 class WorkerDiedError(RuntimeError):
-    """The process that worked on a run ended before the run did, at every attempt."""
+    """The process that worked on a run ended before the run did, at every attempt.
+
+    Example:
+        >>> import os
+        >>> from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+        >>> with LocalProcesses(1) as place:
+        ...     (outcome,) = place.Run(os._exit, [(1,)])
+        >>> type(outcome.exception).__name__, outcome.attempts
+        ('WorkerDiedError', 3)
+    """
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,6 +53,14 @@ class HandEyeParts:
         cameras: What sees the target.
         recognizer: What recognizes it.
         predictor: The motion feedforward; None without.
+
+    Example:
+        >>> from pydrake.systems.primitives import LogVectorOutput
+        >>> def AddLog(builder: DiagramBuilder, parts: HandEyeParts) -> None:
+        ...     LogVectorOutput(parts.recognizer.GetOutputPort("fitness"), builder).set_name("log")
+        >>> diagram = MakeHandEyeDiagram(Scenario(duration=1.0), prebuild_callback=AddLog)
+        >>> diagram.HasSubsystemNamed("log")
+        True
     """
 
     scenario: Scenario
