@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from mffdrake.experiment.commands.main import main
 
@@ -85,3 +86,18 @@ def test_a_mesh_in_millimeters_ends_with_one_line(tmp_path, capsys):
     (tmp_path / "target_box.mtl").write_text((MODELS / "target_box.mtl").read_text())
     assert main(["target", str(mesh), "--out", str(tmp_path / "out")]) == 2
     assert "200 m long, too large" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("share", "message"),
+    [(0.0, "box.glb: the file is empty"), (0.5, "box.glb: this is no GLB file")],
+)
+def test_an_export_that_failed_ends_with_one_line(share, message, tmp_path, capsys):
+    mesh = tmp_path / "box.glb"
+    trimesh.creation.box((0.1, 0.15, 0.2)).export(mesh)
+    content = mesh.read_bytes()
+    mesh.write_bytes(content[: int(share * len(content))])
+    assert main(["target", str(mesh), "--out", str(tmp_path / "out")]) == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert len(errors) == 1 and message in errors[0] and "export the mesh again" in errors[0]
+    assert not (tmp_path / "out").exists()
