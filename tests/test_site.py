@@ -13,11 +13,6 @@ import pytest
 import mffdrake
 import mffdrake.recognition
 
-pytest.importorskip("mkdocs", reason="needs the extra docs")
-pytest.importorskip("material", reason="needs the extra docs")
-pytest.importorskip("mkdocstrings", reason="needs the extra docs")
-pytest.importorskip("mkdocs_jupyter", reason="needs the extra docs")
-
 ROOT = Path(__file__).parents[1]
 
 

@@ -461,6 +461,12 @@ def test_a_target_that_is_not_there_is_a_scenario_error_that_names_it(model):
     check_unusable(model, "cannot be loaded")
 
 
+def test_places_where_a_target_was_looked_for_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    check_unusable("own/box.sdf", f"current folder, {tmp_path}, nor beside the scenario file")
+    check_unusable("/own/box.sdf", "there is no file ''$")
+
+
 def check_unusable(model, reason):
     scenario = Change(load(), {"target.model": str(model)})
     with pytest.raises(ScenarioError) as error:

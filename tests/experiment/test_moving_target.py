@@ -61,7 +61,7 @@ def test_a_file_of_poses_moves_it(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("!TrajectoryFile {file: missing.tum}", "missing.tum"),
+        ("!TrajectoryFile {file: missing.tum}", "no file 'missing.tum' in the current folder, /"),
         ("!TrajectoryFile {}", "file"),
         ("!Sinusoids {period: [1, 2]}", "one number or of six"),
         ("!Wobble {}", "at_rest"),

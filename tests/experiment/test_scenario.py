@@ -3,9 +3,11 @@
 import dataclasses as dc
 import inspect
 import math
+import os
 import re
 import types
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -251,6 +253,77 @@ def test_a_changed_value_reaches_the_part_it_is_for():
 
 
 # A file, then a text on top.
+
+
+OWN_FILES = """
+target: {model: own/box.sdf, motion: !TrajectoryFile {file: poses.tum}}
+arm:
+  directives:
+  - add_model: {name: pa10, file: arm.urdf}
+  - add_directives: {file: table.dmd.yaml}
+  - add_weld: {parent: world, child: pa10::base_link}
+"""
+NAMED = ("own/box.sdf", "poses.tum", "arm.urdf", "table.dmd.yaml")
+POSES = "0 1 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n"
+
+
+def write_own_files(folder):
+    for name in NAMED:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(POSES)
+    (folder / "own.yaml").write_text(OWN_FILES)
+
+
+def named_files(scenario):
+    model, add_directives, _ = scenario.arm.directives
+    return (
+        scenario.target.model, scenario.target.motion.file,
+        model["add_model"]["file"], add_directives["add_directives"]["file"],
+    )  # fmt: skip
+
+
+def test_files_beside_a_scenario_file_are_found_from_anywhere(tmp_path, monkeypatch):
+    write_own_files(tmp_path / "mine")
+    for elsewhere in (tmp_path, tmp_path / "other"):
+        elsewhere.mkdir(exist_ok=True)
+        monkeypatch.chdir(elsewhere)
+        file = os.path.relpath(tmp_path / "mine" / "own.yaml")
+        found = named_files(LoadScenario(file))
+        assert [os.path.abspath(path) for path in found] == [
+            str(tmp_path / "mine" / name) for name in NAMED
+        ]
+    write_own_files(tmp_path / "other")  # in the current folder: the others come first
+    assert named_files(LoadScenario(file)) == found
+
+
+def test_files_in_the_current_folder_alone_are_named_as_they_were(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_own_files(tmp_path)
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "own.yaml").rename(tmp_path / "scenarios" / "own.yaml")
+    scenario = LoadScenario("scenarios/own.yaml")
+    assert named_files(scenario) == NAMED
+    # A scenario text has no folder.
+    assert LoadScenario(text=OWN_FILES) == scenario
+
+
+def test_paths_that_lead_to_the_same_file_both_ways_stay_so_that_runs_keep_their_keys(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_own_files(tmp_path)
+    given = LoadScenario(text=OWN_FILES).fingerprint
+    for file in ("own.yaml", tmp_path / "own.yaml"):
+        assert LoadScenario(file).fingerprint == given
+
+
+@pytest.mark.parametrize("name", ["ur5e", "iiwa14"])
+def test_the_arms_of_the_checkout_are_found_from_its_top(name, monkeypatch):
+    root = Path(__file__).parents[2]
+    monkeypatch.chdir(root)
+    scenario = LoadScenario(f"scenarios/{name}.yaml")
+    assert scenario.arm.directives[0]["add_model"]["file"] == f"scenarios/arms/{name}.urdf"
+    assert scenario.arm.MakePlant().HasModelInstanceNamed(scenario.arm.model)
 
 
 def test_a_text_goes_on_top_of_a_file_which_goes_on_top_of_the_defaults(tmp_path):

@@ -2,8 +2,12 @@
 
 import base64
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -203,6 +207,36 @@ def test_the_replay_holds_the_animation_of_the_arm_and_of_the_estimate(replay):
     for key in keys:
         position = [np.frombuffer(key[9 * k + 1 : 9 * k + 9], ">f8")[0] for k in range(3)]
         np.testing.assert_allclose(position, [1.7, 0.0, 0.45], atol=0.3)  # Near the target.
+
+
+def find_browser():
+    """A browser's path or None; one from a snap sees no files in /tmp."""
+    is_snap = Path("/snap/bin/chromium").exists()
+    names = ["google-chrome", *([] if is_snap else ["chromium", "chromium-browser"])]
+    return next((path for path in map(shutil.which, names) if path), None)
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no chromium or google-chrome is installed")
+def test_a_browser_draws_the_replay(replay, tmp_path):
+    shot = tmp_path / "shot.png"
+    command = [
+        find_browser(), "--headless=new", "--no-sandbox", "--disable-dev-shm-usage",
+        "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a graphics driver
+        f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1280,720", "--hide-scrollbars",
+        "--virtual-time-budget=5000", f"--screenshot={shot}", replay.as_uri(),
+    ]  # fmt: skip
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert shot.is_file(), finished.stderr
+    picture = cv2.cvtColor(cv2.imread(str(shot)), cv2.COLOR_BGR2RGB)
+    vivid = np.ptp(picture, axis=2) > 100
+    red, green, blue = (vivid & (np.argmax(picture, axis=2) == k) for k in range(3))
+    assert red.any()
+    # Of a page without its scene, grid and axes are left: thin lines.
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8))
+    left, top, width, height, area = boxes[1 + np.argmax(boxes[1:, cv2.CC_STAT_AREA])]
+    assert 2000 < area < 20_000 and area > 0.4 * width * height  # the target's red face,
+    around = slice(top - 30, top + height + 30), slice(left - 30, left + width + 30)
+    assert green[around].sum() > 300 and blue[around].sum() > 250  # and its others beside it
 
 
 def test_without_a_recording_there_would_be_no_animation(tmp_path):

@@ -3,6 +3,7 @@
 import colorsys
 import itertools
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -428,17 +429,82 @@ def test_colors_may_be_the_means_of_a_texture(suffix, tmp_path):
 def test_a_mesh_without_colors_says_what_to_do(tmp_path):
     mesh, _ = colored_box()
     mesh.export(tmp_path / "box.stl")
-    with pytest.raises(ValueError, match=r"box\.stl: the mesh has no colors.*OBJ with MTL"):
+    why = r"box\.stl: the mesh has no colors \(.* into STL files are not read\).*OBJ with MTL.*PLY"
+    with pytest.raises(ValueError, match=why):
         SolidModel.from_mesh_file(tmp_path / "box.stl")
+    mesh.export(tmp_path / "box.ply")
+    with pytest.raises(ValueError, match=r"box\.ply: the mesh has no colors; every.*OBJ with MTL"):
+        SolidModel.from_mesh_file(tmp_path / "box.ply")
 
 
 def test_what_is_no_mesh_is_told(tmp_path):
     (tmp_path / "box.ply").write_text("no mesh at all")
-    with pytest.raises(ValueError, match=r"box\.ply: this is no mesh file that can be read"):
+    with pytest.raises(ValueError, match=r"box\.ply: this is no PLY file that can be read"):
         SolidModel.from_mesh_file(tmp_path / "box.ply")
     (tmp_path / "box.doc").write_text("")
     with pytest.raises(ValueError, match=r"box\.doc: meshes are \.obj, .* files; convert"):
         SolidModel.from_mesh_file(tmp_path / "box.doc")
+
+
+KINDS = ["obj", "glb", "gltf", "ply", "ascii.ply", "stl", "ascii.stl"]
+
+
+def write_kind(folder, kind):
+    """The paper's box, each face in four, in a file of a kind; returns its path."""
+    mesh, colors = colored_box()
+    mesh.visual.vertex_colors = np.repeat(colors, 3, axis=0)
+    mesh, path = mesh.subdivide(), folder / f"box.{kind}"
+    if kind == "ascii.ply":
+        mesh.export(path, encoding="ascii")
+    elif kind == "ascii.stl":
+        mesh.export(path, file_type="stl_ascii")
+    elif kind == "gltf":
+        for name, content in mesh.export(file_type="gltf").items():
+            (folder / name.replace("model", "box")).write_bytes(content)
+    else:
+        mesh.export(path)
+    return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_empty_file_is_told_with_the_remedy(kind, tmp_path):
+    path = tmp_path / f"box.{kind}"
+    path.touch()
+    message = rf"^{path}: the file is empty \(0 bytes\).*export the mesh again"
+    with pytest.raises(ValueError, match=message):
+        SolidModel.from_mesh_file(path)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.25, 0.5, 0.95])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_that_was_cut_short_is_told_with_the_remedy(kind, share, tmp_path):
+    path = write_kind(tmp_path, kind)
+    assert len(ColoredMesh.read(path).triangles) == 48
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    suffix = "glTF" if kind == "gltf" else path.suffix[1:].upper()
+    # Only the surface tells that faces are missing from an OBJ file.
+    what = rf"{suffix} file|{'open at the edge' if kind == 'obj' else '$^'}"
+    with pytest.raises(ValueError, match=rf"^{path}: .*({what}).*cut short") as raised:
+        SolidModel.from_mesh_file(path)
+    assert re.search("export .*again", str(raised.value))
+    assert len(str(raised.value).splitlines()) == 1
+
+
+def test_a_file_of_points_alone_holds_no_triangles(tmp_path):
+    import trimesh
+
+    trimesh.PointCloud(np.eye(3)).export(tmp_path / "points.ply")
+    with pytest.raises(ValueError, match=r"points\.ply: this PLY file holds no triangles"):
+        ColoredMesh.read(tmp_path / "points.ply")
+
+
+def test_a_gltf_file_without_its_other_files_names_them(tmp_path):
+    path = write_kind(tmp_path, "gltf")
+    missing = sorted(tmp_path.glob("*.bin"))[0]
+    missing.unlink()
+    with pytest.raises(ValueError, match=rf"{path}: the file {missing.name} .* is missing"):
+        ColoredMesh.read(path)
 
 
 # Sampling

@@ -151,7 +151,7 @@ def test_joints_may_slide_then_nominal_is_in_meters(tmp_path):
         ),
         (
             {"directives": [{"add_model": {"name": "pa10", "file": "no.urdf"}}]},
-            r"Drake refuses the directives: .*/no\.urdf' which does not exist\. Write .*",
+            r"there is no file 'no\.urdf' in the current folder, /.*, nor beside the scenario.*",
         ),
         (
             {"directives": [{"add_model": {"name": "pa10"}}]},

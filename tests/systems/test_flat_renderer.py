@@ -579,8 +579,8 @@ def test_a_shape_that_cannot_be_drawn_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"no mesh file .*none\.obj"):
         AddFlatRenderer(scene_with(Mesh(str(tmp_path / "none.obj"))))
     for content, message in (
-        ("v 0 0 0\nf 1 2 9\n", "no mesh file that"),
-        ("nonsense\n", "no faces"),
+        ("v 0 0 0\nf 1 2 9\n", "no OBJ file that"),
+        ("nonsense\n", "no triangles"),
     ):
         (tmp_path / "bad.obj").write_text(content, encoding="utf-8")
         with pytest.raises(ValueError, match=rf"bad\.obj: .*{message}"):

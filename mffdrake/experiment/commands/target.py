@@ -38,14 +38,6 @@ Array = NDArray[np.float64]
 
 _SIDES = ((3, 2, 2), (-3, -2, 2), (2, -3, -2), (-2, 1, 6))
 
-_DISTANCE = 0.8  # [m] from which faces are judged
-
-_LEAST_PIXELS = 10.0  # A face narrower than that hardly counts.
-
-_MOST_NAMED = 3
-
-_SIZES = (0.01, 3.0)  # [m] Others are probably in other units.
-
 
 def RunTarget(options: argparse.Namespace) -> int:
     """Draws a mesh as the recognizer knows it, and says what it makes of it."""

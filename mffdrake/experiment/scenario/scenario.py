@@ -17,6 +17,7 @@ from mffdrake.experiment.scenario.camera_sections import (
     HandCameraConfig,
     StereoCameraConfig,
 )
+from mffdrake.experiment.scenario.own_files import FindOwnFiles
 from mffdrake.experiment.scenario.scenario_sections import (
     ControllerConfig,
     EncodersConfig,
@@ -159,8 +160,9 @@ def LoadScenario(
     """Reads a scenario: the defaults, then a file on top, then a text on top.
 
     Args:
-        file: A YAML file.
-        text: YAML.
+        file: A YAML file. Models and trajectories that it names by a relative path are looked for
+            beside it, then from the current folder.
+        text: YAML. Relative paths in it lead from the current folder.
         defaults: The defaults; `Scenario`'s own without.
 
     Returns:
@@ -176,17 +178,20 @@ def LoadScenario(
         320
     """
     scenario = Scenario() if defaults is None else defaults
-    sources = []
+    sources: list[tuple[str, str, Path | None]] = []
     if file is not None:
         try:
-            sources.append((str(file), Path(file).read_text(encoding="utf-8")))
+            sources.append((str(file), Path(file).read_text(encoding="utf-8"), Path(file).parent))
         except UnicodeDecodeError as error:
             raise ScenarioError(f"{file}: not a text file in UTF-8") from error
     if text is not None:
-        sources.append(("scenario text", text))
-    for name, yaml_text in sources:
+        sources.append(("scenario text", text, None))
+    for name, yaml_text, folder in sources:
         try:
-            scenario = read_parameters(Scenario, merge(scenario, ReadYaml(yaml_text)))
+            data = ReadYaml(yaml_text)
+            if folder is not None:
+                data = FindOwnFiles(data, folder)
+            scenario = read_parameters(Scenario, merge(scenario, data))
         except ParameterError as error:
             raise ScenarioError(f"{name}: {error}") from error
     return scenario

@@ -119,6 +119,7 @@ class TargetConfig:
 
     Attributes:
         model: URL or path of its SDF or URDF, whose visuals are together a closed, colored surface.
+            A relative path is looked for beside the scenario file, then from the current folder.
         X_WM: Its pose in the world, from which it moves.
         motion: How it moves: at_rest, ``!Sinusoids {...}``, ``!Straight {...}``, ``!Step {...}``,
             ``!Waypoints {...}`` or ``!TrajectoryFile {file: poses.tum}``.

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from mffdrake.recognition.camera.cameras import CameraRig
-from mffdrake.recognition.fitness.matching import Matcher
+from mffdrake.recognition.fitness.colors import around_circle
+from mffdrake.recognition.fitness.matching import Matcher, MatchingParameters
 from mffdrake.recognition.solid.symmetry import find_symmetries
 from mffdrake.recognition.visibility.search_model import SearchModel
 
@@ -67,14 +68,7 @@ def _find_warnings(model: SearchModel) -> list[str]:
             "scale its vertices"
         )
     rig = CameraRig.stereo()
-    alike = Matcher(model, rig).colors.alike(names)
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            if alike[i, j]:
-                found.append(
-                    f"the hues of {names[i]} and {names[j]} overlap: borders between them are "
-                    "not seen; take hues at least 40 deg apart"
-                )
+    found += _find_like_hues(model, rig)
     if len(names) == 1:
         found.append("it has one color alone: only its silhouette tells its pose")
     areas = np.bincount(solid.patches, solid.areas)
@@ -93,3 +87,45 @@ def _find_warnings(model: SearchModel) -> list[str]:
             f"from {_DISTANCE} m and hardly count: {', '.join(named)}"
         )
     return found
+
+
+def _find_like_hues(model: SearchModel, rig: CameraRig) -> list[str]:
+    """Pairs of colors that are hard to tell apart: those side by side, and the others."""
+    solid, names = model.solid, model.solid.material_names
+    alike = Matcher(model, rig).colors.alike(names)
+    hues = np.array([solid.hues[solid.material_numbers == k][0] for k in range(len(names))])
+    borders = np.zeros(alike.shape)
+    np.add.at(borders, tuple(solid.material_numbers[solid.edge_faces].T), solid.edge_lengths)
+    borders += borders.T
+    pairs = [(i, j) for i in range(len(names)) for j in range(i + 1, len(names)) if alike[i, j]]
+    pairs.sort(key=lambda pair: -borders[pair])
+    beside, others = [], []
+    for i, j in pairs:
+        one, other = (f"{names[k]} (hue {math.degrees(hues[k]):.0f} deg)" for k in (i, j))
+        apart = math.degrees(abs(float(around_circle(hues[i] - hues[j]))))
+        text = f"{one} and {other}, {apart:.0f} deg apart"
+        if borders[i, j] > 0.0:
+            beside.append(f"{text}, along {1e3 * borders[i, j]:.0f} mm")
+        else:
+            others.append(text)
+    least = 2.0 * MatchingParameters().hue_tolerance_deg
+    remedy = f"take hues more than {least:g} deg apart"
+    found = []
+    if beside:
+        found.append(
+            f"neighboring faces of nearly one hue: {_first(beside)}; colors are told apart by hue "
+            f"alone, dark or light, so that these borders are not seen; {remedy}"
+        )
+    if others:
+        found.append(
+            f"colors of nearly one hue: {_first(others)}; their faces may be taken for each other; "
+            f"{remedy}"
+        )
+    return found
+
+
+def _first(pairs: list[str]) -> str:
+    """The first few, and how many more there are."""
+    more = len(pairs) - _MOST_NAMED
+    rest = f", and {more} more pair{'s' if more > 1 else ''}" if more > 0 else ""
+    return "; ".join(pairs[:_MOST_NAMED]) + rest

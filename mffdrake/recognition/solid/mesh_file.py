@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import colorsys
+import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,24 +57,39 @@ class ColoredMesh:
 
         Raises:
             FileNotFoundError: When there is no such file.
-            ValueError: When it cannot be read, or has no faces.
+            ValueError: When it cannot be read, was cut short, or has no triangles.
         """
         import trimesh  # Slow to import, and needed here alone.
 
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"no mesh file {path}")
-        if path.suffix.lower() not in FORMATS:
+        kind = path.suffix.lower()
+        if kind not in FORMATS:
             raise ValueError(f"{path}: meshes are {', '.join(FORMATS)} files; convert it to one")
+        if not path.stat().st_size:
+            raise ValueError(
+                f"{path}: the file is empty (0 bytes), as a failed export leaves it; export the "
+                "mesh again"
+            )
         try:
+            _check_completeness(path)
             scene = trimesh.load_scene(path, process=False)
             parts = [
                 (scene.geometry[name], np.asarray(scene.graph.get(node)[0]))
                 for node in scene.graph.nodes_geometry
                 for name in [scene.graph.get(node)[1]]
             ]
+        except FileNotFoundError as error:
+            raise ValueError(f"{path}: {error}") from error
         except Exception as error:  # of whatever kind the file's contents bring about
-            raise ValueError(f"{path}: this is no mesh file that can be read: {error}") from error
+            # A key or an index that its reader looked for says nothing to others.
+            told = "" if isinstance(error, LookupError) else " ".join(str(error).split())
+            raise ValueError(
+                f"{path}: this is no {_format(kind)} file that can be read: it is damaged, cut "
+                "short or of another kind; export the mesh again"
+                + (f" (its reader says: {told})" if told else "")
+            ) from error
         triangles, colors, materials = [], [], []
         for part, X in parts:
             if isinstance(part, trimesh.Trimesh) and len(part.faces):
@@ -81,9 +99,12 @@ class ColoredMesh:
                 colors.append(own)
                 materials += names
         if not triangles:
-            raise ValueError(f"{path}: the file has no faces")
+            raise ValueError(
+                f"{path}: this {_format(kind)} file holds no triangles: nothing was exported, or "
+                "it was cut short; export the mesh again"
+            )
         points = np.concatenate(triangles)
-        if path.suffix.lower() in (".glb", ".gltf"):
+        if kind in (".glb", ".gltf"):
             points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
         return cls(str(path), points, np.concatenate(colors), materials)
 
@@ -100,6 +121,8 @@ class ColoredMesh:
             where = (
                 "the mesh has no colors" if bare.all() else f"face {k}{self._at(k)} has no color"
             )
+            if self.name.lower().endswith(".stl"):
+                where += " (those that some programs write into STL files are not read)"
             raise ValueError(
                 f"{self.name}: {where}; every face of the target needs one: give it materials (OBJ "
                 "with MTL, GLB), or colors of its faces or corners (PLY)"
@@ -151,6 +174,39 @@ class ColoredMesh:
     def _at(self, triangle: int) -> str:
         """Where a triangle is, in a message."""
         return " at ({:.4g}, {:.4g}, {:.4g}) m".format(*(self.triangles[triangle].mean(axis=0) + 0))
+
+
+def _format(suffix: str) -> str:
+    """What people call files with a suffix."""
+    return {".gltf": "glTF"}.get(suffix, suffix[1:].upper())
+
+
+def _check_completeness(path: Path) -> None:
+    """Finds what is missing where trimesh would not say so.
+
+    Raises:
+        FileNotFoundError: When a glTF file names another one that is not there.
+        ValueError: When the file was cut short.
+    """
+    if path.suffix.lower() == ".gltf":
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        parts = [*tree.get("buffers", ()), *tree.get("images", ())]
+        for uri in [unquote(part.get("uri", "data:")) for part in parts]:
+            if not uri.startswith("data:") and not (path.parent / uri).is_file():
+                raise FileNotFoundError(
+                    f"the file {uri} that it names is missing beside it; copy it there, or export "
+                    "the mesh as GLB, which is one file"
+                )
+    elif path.suffix.lower() == ".ply":
+        head, _, body = path.read_bytes().partition(b"end_header")
+        counts = re.findall(rb"^element\s+\w+\s+(\d+)", head, re.MULTILINE)
+        rows, wanted = sum(1 for row in body.splitlines() if row.strip()), sum(map(int, counts))
+        if b"format ascii" in head and rows < wanted:
+            raise ValueError(f"{rows} rows instead of {wanted}")
+    elif path.suffix.lower() == ".obj":
+        last = path.read_bytes().rsplit(b"\n", 1)[-1].split()
+        if last[:1] in ([b"v"], [b"f"]) and len(last) < 4:
+            raise ValueError("its last line is unfinished")
 
 
 def _colors(part: Any) -> tuple[Array, list[str]]:

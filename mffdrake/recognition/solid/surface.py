@@ -146,7 +146,7 @@ def check(vertices: Array, triangles: IntArray, names: ArrayLike) -> None:
         if len(there) + len(back) == 1:
             raise ValueError(
                 f"not a closed solid: open at {edge}, which has face {names[there[0]]} alone; "
-                "close the surface there (corners of neighbors must coincide)"
+                "close it there (neighbors share corners), or export it again if it was cut short"
             )
         if len(there) + len(back) == 2:
             raise ValueError(

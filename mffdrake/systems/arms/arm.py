@@ -27,7 +27,7 @@ from mffdrake.systems.arms.arm_joints import (
     JointNames,
     MovingJoints,
 )
-from mffdrake.systems.arms.models import ConfigureParser
+from mffdrake.systems.arms.models import ConfigureParser, DescribeMissing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -63,7 +63,7 @@ class ArmModel:
     Attributes:
         directives: Drake's model directives (``add_model``, ``add_weld``, ``add_frame``, ...) that
             add the arm and weld its base. A file without ``package://`` or ``file://`` is looked
-            for from the current folder.
+            for beside the scenario file that names it, then from the current folder.
         model: Name of the model, among those of the directives, that is the arm.
         hand_frame: Name of the arm's frame E that follows the path and carries the cameras: x
             right, y down, z along the line of sight.
@@ -254,5 +254,8 @@ def _WithUri(directive: Mapping[str, Any]) -> dict[str, Any]:
             continue
         file = options.get("file")
         if isinstance(file, str) and file and "://" not in file:
-            changed[kind] = {**options, "file": f"file://{Path(file).expanduser().absolute()}"}
+            path = Path(file).expanduser().absolute()
+            if not path.exists():
+                raise ArmError(f"arm: {DescribeMissing(file)}")
+            changed[kind] = {**options, "file": f"file://{path}"}
     return changed

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pydrake.multibody.parsing import Parser
 
-__all__ = ["ConfigureParser", "FindModelsPath"]
+__all__ = ["ConfigureParser", "DescribeMissing", "FindModelsPath"]
 
 _logger = logging.getLogger(__name__)
 
@@ -44,6 +44,21 @@ def FindModelsPath() -> Path:
     raise FileNotFoundError(
         f"mffdrake's models are missing: no {_PACKAGE_XML} in {looked_in}. "
         "Install mffdrake again from a wheel, or use a complete checkout."
+    )
+
+
+def DescribeMissing(path: str) -> str:
+    """Says that a file of a scenario is not there, and where it was looked for.
+
+    Example:
+        >>> DescribeMissing("/none.sdf")
+        "there is no file '/none.sdf'"
+    """
+    text = f"there is no file '{path}'"
+    if Path(path).expanduser().is_absolute():
+        return text
+    return (
+        f"{text} in the current folder, {Path.cwd()}, nor beside the scenario file, if one names it"
     )
 
 

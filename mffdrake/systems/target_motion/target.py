@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import FrameId, Mesh, Role, SceneGraph, SourceId
@@ -14,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
-from mffdrake.systems.arms.models import ConfigureParser
+from mffdrake.systems.arms.models import ConfigureParser, DescribeMissing
 from mffdrake.systems.clutter.moving_shapes import MovingShapes
 from mffdrake.systems.rendering.surfaces import MakeSurface
 
@@ -85,6 +86,8 @@ def AddTarget(scene_graph: SceneGraph, model: str, *, renderer: str = "flat") ->
         >>> AddTarget(SceneGraph(), "package://mffdrake/target_box.sdf").mesh.triangles.shape
         (12, 3, 3)
     """
+    if "://" not in model and not Path(model).exists():
+        raise TargetError(f"'{model}' cannot be loaded: {DescribeMissing(model)}")
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parser = Parser(plant)

@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePose
 from mffdrake.recognition.parameters import parameters
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.recordings.trajectory import LoadTrajectory
+from mffdrake.systems.arms.models import DescribeMissing
 from mffdrake.systems.target_motion.target_motion import TargetMotion
 
 __all__ = ["TrajectoryFile"]
@@ -22,7 +23,8 @@ class TrajectoryFile(TargetMotion):
     Before the first pose and after the last one it stays there. The scenario's X_WM does not count.
 
     Attributes:
-        file: Its path: ``time x y z qx qy qz qw`` a line, [s] and [m].
+        file: Its path: ``time x y z qx qy qz qw`` a line, [s] and [m]. A relative one is looked for
+            beside the scenario file that names it, then from the current folder.
 
     Raises:
         ValueError: When the file cannot be read or its times do not increase.
@@ -34,6 +36,8 @@ class TrajectoryFile(TargetMotion):
         """Reads the file, so that what is wrong with it is told at once."""
         try:
             trajectory = LoadTrajectory(self.file)
+        except FileNotFoundError as error:
+            raise ValueError(f"file: {DescribeMissing(self.file)}") from error
         except (OSError, ValueError) as error:
             raise ValueError(f"file: {error}") from error
         times = trajectory.times
