@@ -66,8 +66,8 @@ def Diagnose() -> list[Finding]:
         the cores, in this order.
 
     Example:
-        >>> [finding.name for finding in Diagnose()][:2]
-        ['Python', 'drake']
+        >>> [finding.name for finding in Diagnose()][:1]
+        ['Python']
     """
     return [
         _Python(),

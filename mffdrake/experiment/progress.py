@@ -11,9 +11,10 @@ from tqdm import tqdm
 
 from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
 
-__all__ = ["ProgressBar", "RunBar", "TimeBar"]
+__all__ = ["ProgressBar", "RunBar", "TellCompiling", "TimeBar"]
 
 _INTERVAL = 15.0  # s from line to line
+_COMPILING = "mffdrake: compiling once for this machine, which takes a minute or two ..."
 _LINE = "mffdrake: {desc}: {percentage:.0f} % after {elapsed}{postfix}"
 
 
@@ -58,6 +59,32 @@ def ProgressBar(*, interval: float = _INTERVAL, **options: Any) -> tqdm[Any]:
         miniters=0,
         **plain,
     )
+
+
+@contextmanager
+def TellCompiling() -> Iterator[None]:
+    """Says so on a terminal when numba compiles a function: the first frame then takes its time.
+
+    Example:
+        >>> with TellCompiling():
+        ...     pass
+    """
+    from numba.core import event  # slow to import
+
+    class Teller(event.Listener):
+        def __init__(self) -> None:
+            self.told = False
+
+        def on_start(self, event: object) -> None:
+            if not self.told and sys.stderr.isatty():
+                tqdm.write(_COMPILING, file=sys.stderr)
+                self.told = True
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Teller()):
+        yield
 
 
 @contextmanager
@@ -106,7 +133,7 @@ def TimeBar(duration: float) -> Iterator[Callable[[float, float], None]]:
         What to call after every frame, see `Simulate`.
     """
     form = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
-    with ProgressBar(total=duration, desc="simulated", bar_format=form) as bar:
+    with TellCompiling(), ProgressBar(total=duration, desc="simulated", bar_format=form) as bar:
 
         def OnFrame(simulated: float, wall: float) -> None:
             bar.set_postfix_str(f"{simulated / max(wall, 1e-9):.2f} x real time", refresh=False)

@@ -3,7 +3,10 @@
 import io
 import sys
 
-from mffdrake.experiment.progress import ProgressBar, RunBar
+import numba
+import pytest
+
+from mffdrake.experiment.progress import ProgressBar, RunBar, TellCompiling
 from mffdrake.experiment.runs.engine import EndedRun, PlannedRun
 from mffdrake.experiment.runs.store import Record
 from mffdrake.experiment.scenario.scenario import Scenario
@@ -29,6 +32,19 @@ def test_a_log_gets_whole_lines_of_plain_text(monkeypatch):
 
 def test_work_that_is_soon_done_leaves_no_line(monkeypatch):
     assert lines(monkeypatch, interval=3600.0) == ""
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_who_watches_is_told_once_that_functions_are_compiled(monkeypatch, watched):
+    monkeypatch.setattr(sys, "stderr", log := io.StringIO())
+    monkeypatch.setattr(log, "isatty", lambda: watched)
+    with TellCompiling():
+        assert log.getvalue() == ""  # before anything is
+        for _ in range(2):
+            assert numba.njit(lambda x: x + 1)(1) == 2
+    assert log.getvalue().count("compiling once for this machine") == watched
+    assert numba.njit(lambda x: x + 1)(1) == 2
+    assert log.getvalue().count("compiling") == watched
 
 
 def test_bars_may_be_switched_off(monkeypatch):

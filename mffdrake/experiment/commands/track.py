@@ -20,7 +20,7 @@ from mffdrake.experiment.commands.options.arguments import (
     ImagesByCamera,
     LoadTarget,
 )
-from mffdrake.experiment.progress import ProgressBar
+from mffdrake.experiment.progress import ProgressBar, TellCompiling
 from mffdrake.experiment.runs.table import WriteJson, WriteRows
 from mffdrake.experiment.simulation.plotting import PlotTrack, SaveFigure
 from mffdrake.recognition import CameraRig, PoseTracker, Refinement, SearchRange, TrackerParameters
@@ -313,6 +313,7 @@ def _Bars(
 ) -> Iterator[tuple[Callable[[float], None], Callable[[int, float], None]]]:
     """Bars over frames and over a search's generations."""
     with (
+        TellCompiling(),
         ProgressBar(
             total=generations, desc="search", unit="gen", leave=False, disable=generations is None
         ) as search,
