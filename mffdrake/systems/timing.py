@@ -103,8 +103,11 @@ class Timing:
 
     def IsVisionTick(self, time: float, *, delay_ticks: int = 0) -> bool:
         """Whether the tick at a time [s] is a frame's, or ``delay_ticks`` before a frame's."""
-        tick = self.Tick(time) + delay_ticks
+        # This runs every millisecond, in every system that works at the frames.
+        tick = round(time / self.control_period) + delay_ticks
         ticks, frames = self._ticks_and_frames
+        if frames == 1:
+            return tick % ticks == 0
         # Whether the quotient in `FrameAtTick` has just passed a whole number.
         return ((2 * tick + 1) * frames - 1) % (2 * ticks) < 2 * frames
 

@@ -127,12 +127,13 @@ def _place_inside(
     """
     points, colors = scratch.points, scratch.colors
     inside_points, inside_distances = samples.inside_points, samples.inside_distances
-    nearest, start, inside_sides = samples.nearest, samples.inside_start, samples.inside_sides
+    nearest, second, nearest_sides = samples.nearest, samples.second, samples.nearest_sides
+    start, inside_sides = samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
     face_sides, side_inward = samples.face_sides, samples.side_inward
     shown = samples.visibility.shown[aspect]
     num_near = inside_distances.shape[1]
-    least, inward = np.empty(samples.most_sides), np.empty((samples.most_sides, 3))
+    least, inward = scratch.least, scratch.inward
     kept = 0
     for face in faces:
         if not visible[face]:
@@ -149,37 +150,48 @@ def _place_inside(
             least[s] = scale * depth * norm / across if across > 0.0 else 0.0
             greatest = max(greatest, least[s])
         color = solid.colors[face]
-        for j in range(start[face], start[face + 1]):
-            if not shown[j]:
-                continue
+        j, stop = start[face], start[face + 1]
+        while j < stop and nearest[j] < greatest:  # These come first, each one's nearest side, too.
             a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
-            if nearest[j] < greatest:
-                moved = 0.0
-                for k in range(num_near):
-                    s = inside_sides[j, k]
-                    gap = least[s] - inside_distances[j, k]
-                    if gap > 0.0:
-                        moved += gap
-                        a += gap * inward[s, 0]
-                        b += gap * inward[s, 1]
-                        c += gap * inward[s, 2]
-                clear = True  # Where the face is too narrow, it now is beyond another side.
-                if moved > 0.0:
-                    for k in range(num_near):
-                        s = inside_sides[j, k]
-                        if inside_distances[j, k] < least[s] + moved:  # else it still is clear
-                            side = face_sides[first + s]
-                            distance = (
-                                (a - side_centers[side, 0]) * inward[s, 0]
-                                + (b - side_centers[side, 1]) * inward[s, 1]
-                                + (c - side_centers[side, 2]) * inward[s, 2]
-                            )
-                            clear = clear and distance > (1.0 - 1e-9) * least[s]
-                if not clear:
-                    continue
+            s = nearest_sides[j]
+            moved, clear = max(0.0, least[s] - nearest[j]), shown[j]
+            a += moved * inward[s, 0]
+            b += moved * inward[s, 1]
+            c += moved * inward[s, 2]
+            # Most are near one side alone.
+            k = 1 if second[j] < greatest + moved else num_near
+            while k < num_near and inside_distances[j, k] < greatest:
+                s = inside_sides[j, k]
+                gap = least[s] - inside_distances[j, k]
+                if gap > 0.0:
+                    moved += gap
+                    a += gap * inward[s, 0]
+                    b += gap * inward[s, 1]
+                    c += gap * inward[s, 2]
+                k += 1
+            k = 0 if second[j] < greatest + moved else num_near
+            # Where the face is too narrow, it now is beyond another side.
+            while k < num_near and inside_distances[j, k] < greatest + moved:
+                s = inside_sides[j, k]
+                if inside_distances[j, k] < least[s] + moved:  # else it still is clear
+                    side = face_sides[first + s]
+                    distance = (
+                        (a - side_centers[side, 0]) * inward[s, 0]
+                        + (b - side_centers[side, 1]) * inward[s, 1]
+                        + (c - side_centers[side, 2]) * inward[s, 2]
+                    )
+                    clear = clear and distance > (1.0 - 1e-9) * least[s]
+                k += 1
             points[0, kept], points[1, kept], points[2, kept] = a, b, c
             colors[kept] = color
-            kept += 1
+            kept += clear
+            j += 1
+        for k in range(j, stop):  # The next one overwrites what does not count.
+            points[0, kept] = inside_points[0, k]
+            points[1, kept] = inside_points[1, k]
+            points[2, kept] = inside_points[2, k]
+            colors[kept] = color
+            kept += shown[k]
     return kept
 
 
@@ -252,10 +264,13 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
     most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
         samples.strip_offsets
     )
+    most_points += 1  # and a place for one that does not count
     scratch = Scratch(
         np.empty((3, most_points)),
         np.empty(most_points, dtype=np.uint32),
         np.empty(most_points, dtype=np.int32),
+        np.empty(samples.most_sides),
+        np.empty((samples.most_sides, 3)),
     )
     placed = new_placed()
     fitness = np.zeros(len(poses))
@@ -286,9 +301,10 @@ def middle_shown(poses: Array, scene: Scene) -> IntArray:
     """In how many views a solid's middle falls on a pixel of one of its colors, shape (N,)."""
     shown = np.zeros(len(poses), dtype=np.int64)
     placed, middle = new_placed(), scene.solid.middle
-    scratch = Scratch(np.empty((3, 1)), np.zeros(1, dtype=np.uint32), np.empty(1, dtype=np.int32))
-    scratch.points[:, 0] = middle
-    scratch.colors[0] = scene.solid.all_colors
+    scratch = Scratch(
+        middle.reshape(3, 1), np.full(1, scene.solid.all_colors), np.empty(1, dtype=np.int32),
+        np.empty(0), np.empty((0, 3)),
+    )  # fmt: skip
     for view in scene.views:
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)

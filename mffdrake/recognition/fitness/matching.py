@@ -217,6 +217,8 @@ class Matcher:
         )
 
         m, solid, p = self.search_model, self.solid, self.parameters
+        none = np.full((len(m.inside_points), 1), math.inf)
+        nearest, second = np.hstack([m.inside_distances, none])[:, :2].T.copy()
         bits, alike = self._bits, self.colors.alike(solid.material_names)
         return (
             Solid(
@@ -227,7 +229,7 @@ class Matcher:
             Samples(
                 find_visibility(m, alike),
                 np.ascontiguousarray(m.inside_points.T), m.inside_start, m.inside_sides,
-                m.inside_distances, m.inside_distances.min(axis=1),
+                m.inside_distances, nearest, second, m.inside_sides[:, 0].astype(np.uint64),
                 m.face_sides, m.face_sides_start, int(np.diff(m.face_sides_start).max()),
                 m.sides.centers, m.sides.directions, m.sides.inward,
                 np.ascontiguousarray(m.edge_points.T), solid.edge_directions,

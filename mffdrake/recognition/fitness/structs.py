@@ -87,6 +87,8 @@ class Samples(NamedTuple):
         inside_sides: As in `SearchModel`.
         inside_distances: As in `SearchModel`.
         nearest: Each inside point's distance to the nearest side [m], shape (P,).
+        second: To the one that is next to nearest, infinite where there is none, shape (P,).
+        nearest_sides: The nearest ones: the first of ``inside_sides``, shape (P,).
         face_sides: As in `SearchModel`.
         face_sides_start: As in `SearchModel`.
         most_sides: Of a face.
@@ -106,6 +108,8 @@ class Samples(NamedTuple):
     inside_sides: IntArray
     inside_distances: Array
     nearest: Array
+    second: Array
+    nearest_sides: NDArray[np.uint64]
     face_sides: IntArray
     face_sides_start: IntArray
     most_sides: int
@@ -133,11 +137,15 @@ class Scratch(NamedTuple):
         points: In the target's frame, shape (3, n).
         colors: The bits of the colors that count at each, shape (n,).
         pixels: The pixel that each falls on, or -1, shape (n,).
+        least: How far points must lie off each side of a face [m], shape (S,).
+        inward: Unit vectors off those sides, shape (S, 3).
     """
 
     points: Array
     colors: Bits
     pixels: NDArray[np.int32]
+    least: Array
+    inward: Array
 
 
 class Placed(NamedTuple):

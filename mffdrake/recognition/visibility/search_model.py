@@ -105,20 +105,19 @@ class Sides(NamedTuple):
             among: Which sides count.
 
         Returns:
-            Places in ``among``, in their order, and infinity beyond those that there are, both of
-            shape (N, K). Of a face with few sides, it is all of them.
+            Places in ``among``, the nearest first, and their distances, both of shape (N, K). Of a
+            face with few sides, it is all of them.
         """
         arm = points[:, None] - self.starts[among]
         height = np.einsum("nsk,sk->ns", arm, self.inward[among])
-        if len(among) <= _MOST_NEAR:
-            places = np.broadcast_to(np.arange(len(among)), height.shape)
-            return places, height
-        along = np.einsum("nsk,sk->ns", arm, self.directions[among])
-        beyond = np.maximum(0.0, np.maximum(-along, along - self.lengths[among]))
-        # Beyond its ends a side is none: there the surface goes on.
-        apart = np.where(beyond <= 1e-9 + 1e-3 * self.lengths[among], np.abs(height), np.inf)
-        places = np.sort(np.argsort(apart, axis=1, kind="stable")[:, :_MOST_NEAR], axis=1)
-        return places, np.take_along_axis(apart, places, axis=1)
+        if len(among) > _MOST_NEAR:
+            along = np.einsum("nsk,sk->ns", arm, self.directions[among])
+            beyond = np.maximum(0.0, np.maximum(-along, along - self.lengths[among]))
+            # Beyond its ends a side is none: there the surface goes on.
+            is_one = beyond <= 1e-9 + 1e-3 * self.lengths[among]
+            height = np.where(is_one, np.abs(height), np.inf)
+        places = np.argsort(height, axis=1, kind="stable")[:, :_MOST_NEAR]
+        return places, np.take_along_axis(height, places, axis=1)
 
     def distances(self, points: Array, among: IntArray) -> Array:
         """Distance of each point to the nearest side [m], shape (N,)."""
@@ -144,11 +143,12 @@ class SearchModel:
     Attributes:
         solid: The solid.
         sides: Where its faces end.
-        inside_points: S_in in frame M [m], face by face, shape (P, 3). Small faces that make up a
-            curved surface are sampled as one, so that many of them have no point.
+        inside_points: S_in in frame M [m], face by face, of each those nearest to its sides first,
+            shape (P, 3). Small faces that make up a curved surface are sampled as one, so that many
+            of them have no point.
         inside_start: Where each face's points start in ``inside_points``, shape (F + 1,).
-        inside_sides: The sides near each inside point, as places in its face's part of
-            ``face_sides``, shape (P, K).
+        inside_sides: The sides near each inside point, the nearest first, as places in its face's
+            part of ``face_sides``, shape (P, K).
         inside_distances: Distances to them [m], with infinity for none, shape (P, K).
         face_sides: The sides that are near any of a face's points, face by face.
         face_sides_start: Where each face's start in ``face_sides``, shape (F + 1,).
@@ -216,8 +216,8 @@ class SearchModel:
     def _find_near_sides(self, patch_sides: Sequence[IntArray]) -> None:
         solid, count = self.solid, np.diff(self.inside_start)
         width = max(1, min(_MOST_NEAR, max(map(len, patch_sides))))
-        self.inside_sides: IntArray = np.zeros((len(self.inside_points), width), dtype=np.int64)
-        self.inside_distances: Array = np.full((len(self.inside_points), width), np.inf)
+        near_sides = np.zeros((len(self.inside_points), width), dtype=np.int64)
+        near_distances = np.full((len(self.inside_points), width), np.inf)
         face_sides: list[IntArray] = []
         for face in range(len(solid.faces)):
             own = patch_sides[solid.patches[face]]
@@ -227,9 +227,13 @@ class SearchModel:
             part = slice(*self.inside_start[face : face + 2])
             places, distances = self.sides.near(self.inside_points[part], own)
             used = np.unique(places)
-            self.inside_sides[part, : places.shape[1]] = np.searchsorted(used, places)
-            self.inside_distances[part, : places.shape[1]] = distances
+            near_sides[part, : places.shape[1]] = np.searchsorted(used, places)
+            near_distances[part, : places.shape[1]] = distances
             face_sides.append(own[used])
+        order = np.lexsort([near_distances[:, 0], self.inside_faces])
+        self.inside_points = self.inside_points[order]
+        self.inside_sides: IntArray = near_sides[order]
+        self.inside_distances: Array = near_distances[order]
         self.face_sides: IntArray = np.concatenate(face_sides)
         self.face_sides_start: IntArray = np.cumsum([0, *map(len, face_sides)])
 

@@ -6,25 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import BasicVector, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    Gain,
+    MatrixGain,
+    PassThrough,
+    Saturation,
+    ZeroOrderHold,
+)
 
 from mffdrake.systems.timing import Timing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from pydrake.multibody.plant import MultibodyPlant
-    from pydrake.systems.framework import (
-        Context,
-        DiagramBuilder,
-        DiscreteValues,
-        InputPort,
-        OutputPort,
-    )
+    from pydrake.systems.framework import Context, DiscreteValues, InputPort, OutputPort, System
 
 __all__ = ["AddComputedTorque", "AddGravityCompensation", "PdController"]
 
 
-class PdController(LeafSystem):
+class PdController(Diagram):
     """Torques of a PD controller in joint space, computed once a control period and then held.
 
     .. pydrake_system::
@@ -47,6 +49,8 @@ class PdController(LeafSystem):
     there is no algebraic loop through the plant. At initialization the controller computes its
     first torque, so that the arm does not fall during the first tick. (The event at time 0 then
     computes the same torque again.) ``CalcForcedDiscreteVariableUpdate()`` updates it at any time.
+
+    All of that is done by systems of Drake, in C++, as it happens every millisecond.
 
     Args:
         kp: Stiffness [N m/rad], shape (n,), at least 0.
@@ -78,37 +82,49 @@ class PdController(LeafSystem):
         effort_limit: ArrayLike | None = None,
         timing: Timing | None = None,
     ) -> None:
-        LeafSystem.__init__(self)
+        Diagram.__init__(self)
         n = np.size(kp)
         if n == 0:
             raise ValueError("PdController: kp must have one number a joint, but is empty")
         kp, kd = _CheckVector("kp", kp, n), _CheckVector("kd", kd, n)
-        upper = np.full(n, np.inf)
+        limit = np.full(n, np.inf)
         if effort_limit is not None:
-            upper = _CheckVector("effort_limit", effort_limit, n, finite=False)
-            if np.any(upper == 0.0):
-                raise ValueError(f"PdController: effort_limit must be positive, not {upper}")
-        self._gains = np.hstack((np.diag(kp), np.diag(kd)))
-        self._lower, self._upper = -upper, upper
+            limit = _CheckVector("effort_limit", effort_limit, n, finite=False)
+            if np.any(limit == 0.0):
+                raise ValueError(f"PdController: effort_limit must be positive, not {limit}")
+        builder = DiagramBuilder()
 
-        self._estimated_state = self.DeclareVectorInputPort("estimated_state", BasicVector(2 * n))
-        self._desired_state = self.DeclareVectorInputPort("desired_state", BasicVector(2 * n))
-        self._feedforward = self.DeclareVectorInputPort("feedforward_torque", BasicVector(n))
-        self.DeclareStateOutputPort("actuation", self.DeclareDiscreteState(n))
+        def add(name: str, system: System, *sources: System) -> System:
+            builder.AddNamedSystem(name, system)
+            for port, source in enumerate(sources):
+                builder.Connect(source.get_output_port(), system.get_input_port(port))
+            return system
 
-        period = (timing or Timing()).control_period
-        self.DeclareInitializationDiscreteUpdateEvent(self._UpdateActuation)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._UpdateActuation)
-        self.DeclareForcedDiscreteUpdateEvent(self._UpdateActuation)
+        estimated = add("estimated_state", Gain(-1.0, 2 * n))
+        desired = add("desired_state", Gain(1.0, 2 * n))
+        error = add("error", Adder(2, 2 * n), desired, estimated)
+        gains = add("gains", MatrixGain(np.hstack((np.diag(kp), np.diag(kd)))), error)
+        feedforward = add("feedforward_torque", PassThrough(np.zeros(n)))  # zeros where not connected
+        torque = add("torque", Adder(2, n), gains, feedforward)
+        clipped = add("effort_limit", Saturation(-limit, limit), torque)
+        hold = add("hold", _Hold((timing or Timing()).control_period, n), clipped)
+        builder.ExportInput(estimated.get_input_port(), "estimated_state")
+        builder.ExportInput(desired.get_input_port(), "desired_state")
+        builder.ExportInput(feedforward.get_input_port(), "feedforward_torque")
+        builder.ExportOutput(hold.get_output_port(), "actuation")
+        builder.BuildInto(self)
 
-    def _UpdateActuation(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # This runs every millisecond: 6 us, most of them for the ports.
-        torque = self._gains @ (
-            self._desired_state.Eval(context) - self._estimated_state.Eval(context)
-        )
-        if self._feedforward.HasValue(context):
-            torque += self._feedforward.Eval(context)
-        discrete_state.set_value(np.minimum(np.maximum(torque, self._lower), self._upper))
+
+class _Hold(ZeroOrderHold):
+    """A zero-order hold that takes its first value at initialization, and one whenever forced."""
+
+    def __init__(self, period: float, size: int) -> None:
+        ZeroOrderHold.__init__(self, period, size)
+        self.DeclareInitializationDiscreteUpdateEvent(self._Take)
+        self.DeclareForcedDiscreteUpdateEvent(self._Take)
+
+    def _Take(self, context: Context, discrete_state: DiscreteValues) -> None:
+        discrete_state.set_value(self.get_input_port().Eval(context))
 
 
 def AddGravityCompensation(
