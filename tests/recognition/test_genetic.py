@@ -98,25 +98,17 @@ def test_the_range_in_view_is_where_a_pinhole_sees_the_target_well():
     assert view.eps1 == view.eps2 == view.eps3 == (-1.0, 1.0)
 
 
-def test_the_range_in_view_of_a_rig_is_what_its_cameras_share():
-    """Two cameras that look at one place at right angles, from 1 m; and two back to back."""
+def test_the_range_in_view_of_a_rig_is_what_any_of_its_cameras_sees():
+    """Two cameras that look at one place at right angles, from 1 m."""
     side = {"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}
-    ahead = Camera(name="ahead", **side)
     turn = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # looks along -x
+    ahead = Camera(name="ahead", **side)
     aside = Camera(name="aside", R_CK=turn, p_CK=[1.0, 0.0, 1.0], **side)
-    shared = SearchRange.in_view(CameraRig((ahead, aside)), 0.2)
-    for name, middle in (("x", 0.0), ("y", 0.0), ("z", 1.0)):
-        least, greatest = getattr(shared, name)
-        assert least < middle < greatest
-        assert greatest - least < 3.0
-    p = np.random.default_rng(5).uniform(-3, 3, (20_000, 3))
-    seen = p[ahead.sees(p) & aside.sees(p) & (p[:, 2] < 2.5) & (1.0 - p[:, 0] < 2.5)]
-    assert len(seen) > 50
-    step = 0.4  # from place to place, at most, where cameras look across each other
-    assert (seen > shared.lower[:3] - step).all() and (seen < shared.upper[:3] + step).all()
-    back = Camera(name="back", R_CK=np.diag([-1.0, 1.0, -1.0]), **side)
-    both = SearchRange.in_view(CameraRig((ahead, back)), 0.2)
-    assert both.z[0] == pytest.approx(-both.z[1])
+    both = SearchRange.in_view(CameraRig((ahead, aside)), 0.2)
+    ranges = [SearchRange.in_view(CameraRig((camera,)), 0.2) for camera in (ahead, aside)]
+    assert ranges[1].x == pytest.approx((1.0 - ranges[0].z[1], 1.0 - ranges[0].z[0]))
+    np.testing.assert_array_equal(both.lower, np.min([r.lower for r in ranges], axis=0))
+    np.testing.assert_array_equal(both.upper, np.max([r.upper for r in ranges], axis=0))
 
 
 def test_a_rig_may_look_anywhere_so_the_target_may_be_behind_its_frame():

@@ -67,7 +67,7 @@ def test_cameras_come_back(distortion, model, count):
         assert getattr(back, key) == getattr(camera, key)
     points = np.random.default_rng(0).uniform([-0.2, -0.2, 1.0], [0.2, 0.2, 2.0], (20, 3))
     np.testing.assert_array_equal(back.project(points), camera.project(points))
-    assert (back.name, back.calibration_error) == ("b", 1.0)
+    assert (back.name, back.calibration_error) == ("b", 0.5)
 
 
 def test_the_matrix_p_projects_the_other_camera_of_a_pair():

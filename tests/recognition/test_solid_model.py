@@ -433,6 +433,12 @@ def test_a_mesh_without_colors_says_what_to_do(tmp_path):
     with pytest.raises(ValueError, match=why):
         SolidModel.from_mesh_file(tmp_path / "box.stl")
     mesh.export(tmp_path / "box.ply")
+    import trimesh
+
+    text = trimesh.exchange.obj.export_obj(mesh, include_texture=False, include_color=False)
+    (tmp_path / "box.obj").write_text(f"mtllib gone.mtl\n{text}")
+    with pytest.raises(ValueError, match=r"it names the materials of gone\.mtl, a file that is"):
+        SolidModel.from_mesh_file(tmp_path / "box.obj")
     with pytest.raises(ValueError, match=r"box\.ply: the mesh has no colors; every.*OBJ with MTL"):
         SolidModel.from_mesh_file(tmp_path / "box.ply")
 
@@ -572,10 +578,14 @@ def test_inside_points_lie_in_their_face_no_nearer_to_its_edges_than_the_margin(
             assert distances.min() >= margin - 1e-8
         own = model.face_sides[slice(*model.face_sides_start[k : k + 2])]
         assert (model.sides.faces[own] == k).all() and len(own) == len(face)
-        np.testing.assert_allclose(model.inside_distances[part, : len(face)], distances, atol=1e-14)
-        np.testing.assert_array_equal(
-            model.inside_sides[part, : len(face)], [range(len(face))] * len(points)
-        )
+        # The nearest sides come first, and of the points those that are nearest to one.
+        near, sides = model.inside_distances[part, : len(face)], model.inside_sides[part]
+        expected = np.take_along_axis(distances, sides[:, : len(face)], axis=1)
+        np.testing.assert_allclose(near, expected, atol=1e-14)
+        np.testing.assert_array_equal(near, np.sort(near, axis=1))
+        np.testing.assert_array_equal(near[:, 0], np.sort(near[:, 0]))
+        for row in sides[:, : len(face)]:
+            assert sorted(row) == list(range(len(face)))
         assert np.isposinf(model.inside_distances[part, len(face) :]).all()
         assert len(np.unique(points.round(9), axis=0)) == len(points)
 

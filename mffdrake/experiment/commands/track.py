@@ -34,6 +34,7 @@ from mffdrake.recognition.recordings.recording import (
     Recording,
     TrackedFrame,
     TrackRecording,
+    ViewWarning,
 )
 from mffdrake.recognition.recordings.rig_file import LoadRig
 from mffdrake.recognition.recordings.trajectory import (
@@ -94,9 +95,9 @@ def RunTrack(options: argparse.Namespace) -> int:
     if isinstance(recording, RosRecording):
         print(f"Recording: {recording.summary}.")
     _Tell(tracked, refinement, tracker, folder)
-    warning = MotionWarning(tracked, tracker.ga.sure_fitness)
-    if warning is not None:
-        _log.warning("%s", warning)
+    for warning in (MotionWarning(tracked, tracker.ga.sure_fitness), ViewWarning(tracked, rig)):
+        if warning is not None:
+            _log.warning("%s", warning)
     return 0
 
 
@@ -224,6 +225,7 @@ def _Write(
         "means": {
             "fitness": float(np.mean([frame.estimate.fitness for frame in tracked])),
             "refined": float(np.mean([frame.estimate.refined for frame in tracked])),
+            "is_tracking": float(np.mean([frame.estimate.is_tracking for frame in tracked])),
             "ms": float(np.mean([frame.ms for frame in tracked])),
         },
         "search": _Search(tracked[0]),
@@ -287,6 +289,8 @@ def _Tell(
             f"{row['std_rotation_deg']:.2f} deg"
         )
     print(f"Fitness {row['fitness']:.3f}, {refined}.")
+    relied = sum(frame.estimate.is_tracking for frame in tracked)
+    print(f"Relied on (is_tracking) in {relied} of {len(tracked)} frames.")
     found = tracked[0].found
     if found is not None:
         how = "converged" if found.converged else "not converged: more --generations may help"

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+CALIBRATION_ERROR = 0.5  # [px] What the calibration of a real camera may well leave
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera:

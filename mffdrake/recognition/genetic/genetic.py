@@ -73,15 +73,15 @@ class SearchRange:
 
     @classmethod
     def in_view(cls, rig: CameraRig, size: float) -> SearchRange:
-        """All poses in which every camera can see a target well.
+        """All poses in which a camera can see a target well.
 
         Args:
-            rig: The cameras. Where no place is seen by all of them, places count that one sees.
+            rig: The cameras.
             size: The target's greatest extent [m], `SolidModel.size`.
 
         Returns:
-            The box around the places where the target's middle is in the images and it fills a
-            tenth to nine tenths of their smaller side, in any orientation.
+            The box around the places where the target's middle is in an image and it fills a
+            tenth to nine tenths of its smaller side, in any orientation.
 
         Example:
             >>> from mffdrake.recognition import CameraRig
@@ -89,9 +89,6 @@ class SearchRange:
             (0.36, 3.26)
         """
         places = np.concatenate([_seen_places(camera, size) for camera in rig.cameras])
-        shared = places[np.all([camera.sees(places) for camera in rig.cameras], axis=0)]
-        if len(shared) and (np.ptp(shared, axis=0) > 0.0).all():
-            places = shared
         lower, upper = places.min(axis=0), places.max(axis=0)
         x, y, z = zip(lower.tolist(), upper.tolist(), strict=True)
         anyhow = (-1.0, 1.0)

@@ -29,6 +29,7 @@ __all__ = [
     "RecordingFrame",
     "TrackRecording",
     "TrackedFrame",
+    "ViewWarning",
 ]
 
 Image = NDArray[np.uint8]
@@ -281,6 +282,31 @@ def MotionWarning(tracked: Sequence[TrackedFrame], sure_fitness: float) -> str |
         "leave --motion out (with a --recording: --motion none), or give the motion relative to "
         "the target"
     )
+
+
+def ViewWarning(tracked: Sequence[TrackedFrame], rig: CameraRig) -> str | None:
+    """Whether the pose is out of a camera's view, as it is where cameras contradict each other.
+
+    Args:
+        tracked: The frames, in order.
+        rig: The cameras.
+
+    Returns:
+        What to tell the person who gave the cameras; None where all see most of the poses.
+
+    Example:
+        >>> ViewWarning([], CameraRig.stereo()) is None
+        True
+    """
+    for camera in rig.cameras:
+        unseen = sum(not camera.sees(frame.estimate.p_CM) for frame in tracked)
+        if 2 * unseen > len(tracked):
+            return (
+                f"camera '{camera.name}' does not see the recognized pose in {unseen} of "
+                f"{len(tracked)} frames; if its images show the target, the rig file places a "
+                "camera wrongly (X_CK), or images are given to the wrong camera"
+            )
+    return None
 
 
 def _IsSure(frame: TrackedFrame, sure_fitness: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.calibration import CalibrationError, read_calibration
-from mffdrake.recognition.camera.cameras import Camera, CameraRig
+from mffdrake.recognition.camera.cameras import CALIBRATION_ERROR, Camera, CameraRig
 from mffdrake.recognition.camera.distortion import Distortion
 from mffdrake.recognition.parameters import (
     Finite,
@@ -29,8 +29,6 @@ __all__ = ["DumpRig", "LoadRig", "RigError"]
 
 _NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 _ALL_NUMBERS = ", ".join(_NUMBERS)
-
-_FILE_ERROR = 1.0  # [px] What the calibration of a real camera may well leave
 
 
 class RigError(InputError, ValueError):
@@ -114,7 +112,7 @@ def LoadRig(path: Path | str) -> CameraRig:
     - ``X_CK``, optional: the camera's pose in the rig's frame, ``{translation: [x, y, z], rotation:
       !Rpy {deg: [r, p, y]}}``, with ``!AngleAxis {angle_deg: a, axis: [x, y, z]}`` as in scenarios
       or the exact ``!Matrix {rows: [[...], [...], [...]]}`` instead of ``!Rpy``;
-    - ``calibration_error`` [px], optional, see `Camera`; by default 1 px with a calibration file,
+    - ``calibration_error`` [px], optional, see `Camera`; by default 0.5 px with a calibration file,
       which stands for a real camera, and 0 px with numbers.
 
     The rig's frame is the world where a calibration file tells its camera's place there: then each
@@ -258,7 +256,7 @@ def _FromFile(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
         raise RigError(f"{where}.calibration: {error}") from error
     except OSError as error:
         raise RigError(f"{where}.calibration: {file}: {error.strerror}") from error
-    camera = dc.replace(read.camera, calibration_error=_FILE_ERROR)
+    camera = dc.replace(read.camera, calibration_error=CALIBRATION_ERROR)
     return _Placed(camera, "world" if read.has_pose else "")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mffdrake.recognition.camera.calibration import camera_from_values
-from mffdrake.recognition.camera.cameras import Camera, CameraRig
+from mffdrake.recognition.camera.cameras import CALIBRATION_ERROR, Camera, CameraRig
 from mffdrake.recognition.parameters import InputError
 from mffdrake.recognition.poses.pose import quaternion_scalar
 
@@ -38,7 +38,6 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _REGION = ("x_offset", "y_offset", "width", "height")
-CALIBRATION_ERROR = 1.0  # [px] As with a calibration file: a real camera's may well leave so much.
 
 
 class RosError(InputError, ValueError):

@@ -121,6 +121,9 @@ class ColoredMesh:
             where = (
                 "the mesh has no colors" if bare.all() else f"face {k}{self._at(k)} has no color"
             )
+            lacking = _lacking_materials(Path(self.name))
+            if lacking:
+                where += f" (it names the materials of {lacking}, a file that is not there)"
             if self.name.lower().endswith(".stl"):
                 where += " (those that some programs write into STL files are not read)"
             raise ValueError(
@@ -237,6 +240,21 @@ def _material_color(material: Any) -> Array:
         factor = material.baseColorFactor
         return np.ones(3) if factor is None else np.asarray(factor, dtype=float)[:3] / 255.0
     return np.array(material.kwargs.get("kd", (0.0, 0.0, 0.0)), dtype=float)
+
+
+def _lacking_materials(path: Path) -> str:
+    """The file of materials that an OBJ names and that is not there; empty if there is none."""
+    if path.suffix.lower() != ".obj" or not path.is_file():
+        return ""
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        words = line.split(maxsplit=1)
+        if (
+            len(words) == 2
+            and words[0] == "mtllib"
+            and not (path.parent / words[1].strip()).exists()
+        ):
+            return words[1].strip()
+    return ""
 
 
 def color_name(color: Array) -> str:

@@ -105,8 +105,7 @@ class Sides(NamedTuple):
             among: Which sides count.
 
         Returns:
-            Places in ``among``, the nearest first, and their distances, both of shape (N, K). Of a
-            face with few sides, it is all of them.
+            Places in ``among``, the nearest first, and their distances, both of shape (N, K).
         """
         arm = points[:, None] - self.starts[among]
         height = np.einsum("nsk,sk->ns", arm, self.inward[among])
@@ -143,9 +142,8 @@ class SearchModel:
     Attributes:
         solid: The solid.
         sides: Where its faces end.
-        inside_points: S_in in frame M [m], face by face, of each those nearest to its sides first,
-            shape (P, 3). Small faces that make up a curved surface are sampled as one, so that many
-            of them have no point.
+        inside_points: S_in in frame M [m], face by face, those nearest to its sides first, shape
+            (P, 3). Faces of a curved surface are sampled as one, so that many have no point.
         inside_start: Where each face's points start in ``inside_points``, shape (F + 1,).
         inside_sides: The sides near each inside point, the nearest first, as places in its face's
             part of ``face_sides``, shape (P, K).

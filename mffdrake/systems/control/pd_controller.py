@@ -104,7 +104,7 @@ class PdController(Diagram):
         desired = add("desired_state", Gain(1.0, 2 * n))
         error = add("error", Adder(2, 2 * n), desired, estimated)
         gains = add("gains", MatrixGain(np.hstack((np.diag(kp), np.diag(kd)))), error)
-        feedforward = add("feedforward_torque", PassThrough(np.zeros(n)))  # zeros where not connected
+        feedforward = add("feedforward_torque", PassThrough(np.zeros(n)))  # zeros by default
         torque = add("torque", Adder(2, n), gains, feedforward)
         clipped = add("effort_limit", Saturation(-limit, limit), torque)
         hold = add("hold", _Hold((timing or Timing()).control_period, n), clipped)

@@ -304,4 +304,4 @@ def test_the_mesh_of_the_test_is_the_cube(tmp_path):
         (tmp_path / "rig.yaml").write_text(
             f"cameras: {{a: {{calibration: {REAL / 'camera_calib_60.yml'}}}}}"
         )
-        assert LoadRig(tmp_path / "rig.yaml").cameras[0].calibration_error == 1.0
+        assert LoadRig(tmp_path / "rig.yaml").cameras[0].calibration_error == 0.5

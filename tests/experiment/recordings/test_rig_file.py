@@ -376,5 +376,5 @@ def test_the_rig_file_of_the_page_loads(tmp_path):
     calibration(tmp_path, "front.yaml")
     rig = load(tmp_path, text)
     assert rig.names == ("front", "side")
-    assert [camera.calibration_error for camera in rig.cameras] == [1.0, 0.5]
+    assert [camera.calibration_error for camera in rig.cameras] == [0.3, 0.5]
     np.testing.assert_array_equal(rig.cameras[0].R_CK, np.eye(3))

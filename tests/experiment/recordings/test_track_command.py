@@ -145,9 +145,10 @@ def test_a_search_range_that_nobody_sees_is_warned_of(recording, quickly, tmp_pa
         recording[0],
     )
     assert finished.returncode == 0
-    (record,) = caplog.records
+    record = caplog.records[0]
     assert record.levelname == "WARNING"
     assert "no camera looks toward the middle of the search range" in record.getMessage()
+    assert all("does not see the recognized pose" in r.getMessage() for r in caplog.records[1:])
 
 
 def test_without_any_keys_the_target_is_found_anywhere_in_view(recording, quickly, tmp_path):
@@ -158,8 +159,25 @@ def test_without_any_keys_the_target_is_found_anywhere_in_view(recording, quickl
     )
     assert finished.returncode == 0, finished.stderr
     assert "refined, give or take" in finished.stdout
+    relied = sum(column(tmp_path, "is_tracking"))
+    assert f"Relied on (is_tracking) in {relied:.0f} of 10 frames." in finished.stdout
     assert max(position_errors(recording, tmp_path)) < 0.005
     assert column(tmp_path, "is_tracking")[-1] == 1.0
+
+
+def test_a_camera_that_is_placed_wrongly_is_warned_of(recording, quickly, tmp_path, caplog):
+    """Turned the other way around, it does not see where the other one sees the target."""
+    rig = yaml.safe_load((recording[0] / "rec/rig.yaml").read_text())
+    rig["cameras"]["left"]["X_CK"]["rotation"] = {"_tag": "!Rpy", "deg": [0.0, 70.0, 0.0]}
+    text = yaml.safe_dump(rig).replace("_tag: '!Rpy'", "").replace("rotation:", "rotation: !Rpy")
+    (tmp_path / "rig.yaml").write_text(text)
+    finished = quickly(
+        f"{TRACK} {FOLDERS} --motion rec/motion.tum --rig {tmp_path}/rig.yaml --out {tmp_path}",
+        recording[0],
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert "' does not see the recognized pose in " in caplog.text  # whichever it goes by
+    assert "X_CK" in caplog.text
 
 
 def test_why_a_pose_is_not_refined_is_told(recording, quickly, tmp_path):
