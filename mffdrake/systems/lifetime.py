@@ -35,9 +35,10 @@ def FreedDiagram(diagram: Diagram) -> Iterator[Diagram]:
 
 
 def _PythonSystems(diagram: Diagram) -> Iterator[System]:
-    """The systems written in Python, also those of diagrams inside."""
+    """The systems written in Python, with all that is in them, also those of diagrams inside."""
+    is_python = type(diagram).__module__.partition(".")[0] != "pydrake"
     for system in diagram.GetSystems():
         if isinstance(system, Diagram):
             yield from _PythonSystems(system)
-        elif type(system).__module__.partition(".")[0] != "pydrake":
+        if is_python or type(system).__module__.partition(".")[0] != "pydrake":
             yield system

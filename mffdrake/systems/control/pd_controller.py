@@ -16,6 +16,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
+from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
 if TYPE_CHECKING:
@@ -120,8 +121,8 @@ class _Hold(ZeroOrderHold):
 
     def __init__(self, period: float, size: int) -> None:
         ZeroOrderHold.__init__(self, period, size)
-        self.DeclareInitializationDiscreteUpdateEvent(self._Take)
-        self.DeclareForcedDiscreteUpdateEvent(self._Take)
+        self.DeclareInitializationDiscreteUpdateEvent(WeakCallback(self._Take))
+        self.DeclareForcedDiscreteUpdateEvent(WeakCallback(self._Take))
 
     def _Take(self, context: Context, discrete_state: DiscreteValues) -> None:
         discrete_state.set_value(self.get_input_port().Eval(context))
