@@ -18,6 +18,8 @@ from mffdrake.recognition.parameters import (
     merge,
     plain,
     read_parameters,
+    shorten,
+    shown,
     unknown_key,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
@@ -132,7 +134,9 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
 
 def _OnTop(base: Scenario, data: Any) -> Scenario:
     if not isinstance(data, dict):
-        raise ScenarioError(f"scenario must be a mapping such as {{duration: 20}}, not {data!r}")
+        raise ScenarioError(
+            f"scenario must be a mapping such as {{duration: 20}}, not {shown(data)}"
+        )
     try:
         return read_parameters(Scenario, merge(base, data))
     except ParameterError as error:
@@ -147,7 +151,7 @@ def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
         seeds = data
     else:
         raise ScenarioError(
-            f"seeds must be a positive whole number or a list of whole numbers, not {data!r}"
+            f"seeds must be a positive whole number or a list of whole numbers, not {shown(data)}"
         )
     for seed in seeds:
         if not 0 <= seed < 2**63:
@@ -164,11 +168,13 @@ _Column = list[tuple[Any, ScenarioError | None]]
 def _ReadColumns(data: Any, base: Scenario) -> dict[str, _Column]:
     """The varied keys' values."""
     if not isinstance(data, dict):
-        raise ScenarioError(f"grid must be a mapping such as {{method: [ga, mff]}}, not {data!r}")
+        raise ScenarioError(
+            f"grid must be a mapping such as {{method: [ga, mff]}}, not {shown(data)}"
+        )
     columns: dict[str, _Column] = {}
     for key, values in data.items():
         if not isinstance(key, str):
-            raise ScenarioError(f"grid: a key must be a scenario's key, not {key!r}")
+            raise ScenarioError(f"grid: a key must be a scenario's key, not {shown(key)}")
         if key == "seed":
             raise ScenarioError("grid: 'seed' cannot be varied here; list the values as 'seeds'")
         for other in columns:
@@ -177,7 +183,7 @@ def _ReadColumns(data: Any, base: Scenario) -> dict[str, _Column]:
         if not isinstance(values, list) or not values:
             # So that a wrong key shows as such, whatever its value.
             _CheckKey(key, base)
-            what = "an empty list" if values == [] else repr(values)
+            what = "an empty list" if values == [] else shown(values)
             raise ScenarioError(f"grid: {key} must be a list of values, not {what}")
         columns[key] = [_ReadValue(key, value, base) for value in values]
         _RequireDistinct([value for value, _ in columns[key]], f"grid: {key}")
@@ -188,7 +194,7 @@ def _RequireDistinct(values: list[Any], what: str) -> None:
     seen = set()
     for value in map(json.dumps, values):
         if value in seen:
-            raise ScenarioError(f"{what} has the value {value} twice")
+            raise ScenarioError(f"{what} has the value {shorten(value)} twice")
         seen.add(value)
 
 
@@ -241,7 +247,9 @@ def _MakeRuns(
             for _, alone in combination:
                 if alone is not None:
                     raise alone from error
-            shown = ", ".join(f"{key} {json.dumps(value)}" for key, value in values.items())
-            raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
+            words = ", ".join(
+                f"{key} {shorten(json.dumps(value))}" for key, value in values.items()
+            )
+            raise ScenarioError(f"grid: with {words}: {error}" if words else str(error)) from error
         for seed in seeds:
             yield PlannedRun(labels=values, scenario=dc.replace(scenario, seed=seed))

@@ -25,7 +25,13 @@ from mffdrake.recognition.parameters.checked import (
     parameters,
     read_parameters,
 )
-from mffdrake.recognition.parameters.messages import InputError, did_you_mean, unknown_key
+from mffdrake.recognition.parameters.messages import (
+    InputError,
+    did_you_mean,
+    shorten,
+    shown,
+    unknown_key,
+)
 from mffdrake.recognition.parameters.one_of import OneOf, choices, is_choice, kind_of, tag_of
 from mffdrake.recognition.parameters.plain_data import describe, merge, plain
 
@@ -52,6 +58,8 @@ __all__ = [
     "parameters",
     "plain",
     "read_parameters",
+    "shorten",
+    "shown",
     "tag_of",
     "unknown_key",
 ]

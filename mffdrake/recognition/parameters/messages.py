@@ -8,19 +8,58 @@ from typing import Any
 
 from pydantic import ValidationError
 
-__all__ = ["TAG", "InputError", "did_you_mean", "explain", "unknown_key"]
+__all__ = ["TAG", "InputError", "did_you_mean", "explain", "shorten", "shown", "unknown_key"]
+
+_LONG = 100  # characters of a value
+_LONGEST = 1500  # characters of a message
 
 
 class InputError(Exception):
     """Something that whoever gave the input can mend; the message is one line for that person."""
+
+    def __str__(self) -> str:
+        """The message in one line; one that is too long to be read lacks its middle."""
+        text = "\\n".join(super().__str__().splitlines())
+        half = _LONGEST // 2
+        return text if len(text) <= _LONGEST else f"{text[:half]} ... {text[-half:]}"
 
 
 TAG = "_tag"
 """The key under which a mapping's tag is kept once YAML is read."""
 
 
+def shown(value: object) -> str:
+    """A value as messages show it: as Python writes it, but no more than the first of it.
+
+    Args:
+        value: Anything.
+
+    Example:
+        >>> shown("long"), len(shown(list(range(10_000))))
+        ("'long'", 103)
+    """
+    if isinstance(value, tuple):
+        value = list(value)
+    if isinstance(value, dict) and isinstance(value.get(TAG), str):
+        items = {key: item for key, item in value.items() if key != TAG}
+        text = f"{value[TAG]} {items}"
+    else:
+        try:
+            text = repr(value)
+        except ValueError:  # Python does not write out whole numbers of thousands of digits.
+            text = "a number of thousands of digits"
+    return shorten(text)
+
+
+def shorten(text: str) -> str:
+    """A text that stands in a message; of a long one, the first of it."""
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
+
+
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """The nearest right name in brackets; nothing where none is near."""
+    if isinstance(given, str) and len(given) > _LONG:
+        return ""
     close = difflib.get_close_matches(str(given), list(known), n=1)
     return f" (did you mean '{close[0]}'?)" if close else ""
 
@@ -29,7 +68,7 @@ def unknown_key(key: object, known: Sequence[str], where: str = "") -> str:
     """What to say of a key that is not there, with the nearest right one."""
     place = f" in {where}" if where else ""
     names = ", ".join(known) or "none"
-    return f"unknown key '{key}'{place}{did_you_mean(key, known)}; known keys: {names}"
+    return f"unknown key {shown(str(key))}{place}{did_you_mean(key, known)}; known keys: {names}"
 
 
 def _one_of(context: dict[str, Any]) -> str:
@@ -100,14 +139,5 @@ def explain(error: ValidationError, where: str = "") -> str:
         text = str(context["error"])
         return f"{key}: {text}" if key else text
     rule = _WORDS[kind](context) if kind in _WORDS else first["msg"]
-    value = "" if kind == "missing" else f", not {_shown(first['input'])}"
+    value = "" if kind == "missing" else f", not {shown(first['input'])}"
     return f"{key} {rule}{value}".lstrip()
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        value = list(value)
-    if isinstance(value, dict) and TAG in value:
-        items = {key: item for key, item in value.items() if key != TAG}
-        return f"{value[TAG]} {items}"
-    return repr(value)

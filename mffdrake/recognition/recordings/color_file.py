@@ -19,6 +19,7 @@ from mffdrake.recognition.parameters import (
     ParameterError,
     parameters,
     read_parameters,
+    shown,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 from mffdrake.recognition.poses.pose import transform_from_pose
@@ -71,9 +72,11 @@ def LoadColors(path: Path | str) -> ColorModel:
         gates = {f.name: f.default for f in dc.fields(ColorModel) if f.name != "colors"}
         for key, value in data.items():
             if key != "colors" and key not in gates:
-                raise ParameterError(f"unknown key '{key}'; known keys: colors, {', '.join(gates)}")
+                raise ParameterError(
+                    f"unknown key {shown(key)}; known keys: colors, {', '.join(gates)}"
+                )
             if key in gates and type(value) not in (int, float):
-                raise ParameterError(f"{key} must be a number, not {value!r}")
+                raise ParameterError(f"{key} must be a number, not {shown(value)}")
         colors = data.get("colors")
         if not isinstance(colors, dict) or not colors:
             raise ParameterError(

@@ -20,6 +20,7 @@ from mffdrake.recognition.parameters import (
     Vector3,
     parameters,
     read_parameters,
+    shown,
     unknown_key,
 )
 from mffdrake.recognition.parameters.rotations import AngleAxisDeg, Identity, RpyDeg
@@ -204,11 +205,11 @@ def _ReadCameras(text: str) -> dict[str, Any]:
     if not isinstance(cameras, dict) or not cameras or "_tag" in cameras:
         raise RigError(
             "cameras must be a mapping from each camera's name to its keys "
-            f"{', '.join(field.name for field in dc.fields(_CameraKeys))}, not {cameras!r}"
+            f"{', '.join(field.name for field in dc.fields(_CameraKeys))}, not {shown(cameras)}"
         )
     for name in cameras:
         if type(name) not in (str, int) or not str(name).strip():
-            raise RigError(f"a camera's name in cameras must be a text, not {name!r}")
+            raise RigError(f"a camera's name in cameras must be a text, not {shown(name)}")
     return {str(name): keys for name, keys in cameras.items()}
 
 

@@ -231,7 +231,7 @@ def test_an_identity_is_written_without_a_rotation():
             "the key 'a' stands there twice",
         ),
         (f"cameras: {{60: {{{ONE}}}, '60': {{}}}}", "the key '60' stands there twice"),
-        (f"cameras: {{yes: {{{ONE}}}}}", "a camera's name in cameras must be a text, not True"),
+        (f"cameras: {{true: {{{ONE}}}}}", "a camera's name in cameras must be a text, not True"),
         (f"cameras: {{'': {{{ONE}}}}}", "a camera's name in cameras must be a text, not ''"),
         (
             "cameras: {a: b.yaml}",
