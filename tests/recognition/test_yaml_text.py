@@ -85,7 +85,7 @@ def growing(form, levels):
         ("a:\n" + "- " * 900 + "1", "nest"),
         ("a: " + "1" * 5_000, "a number must have at most 300 digits, not 5000"),
         ("a: &a [*a]", "aliases"),
-        (growing("[{}]", 40), "line 5, column 5: aliases make more than 100000 values"),
+        (growing("[{}]", 40), "line 6, column 5: aliases make more than 100000 values"),
         (growing("{{<<: [{}]}}", 40), "aliases"),
         ("\n".join(f"b{k}: &b{k} [{f'*b{k - 1}' * (k > 0)}]" for k in range(2_000)), "50 levels"),
         ("a: \udcff", "not a text in UTF-8"),
