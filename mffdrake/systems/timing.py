@@ -13,7 +13,7 @@ import math
 from fractions import Fraction
 from functools import cached_property
 
-from mffdrake.recognition.parameters import Positive, parameters
+from mffdrake.recognition.parameters import Period, parameters
 
 __all__ = ["Timing"]
 
@@ -47,8 +47,8 @@ class Timing:
         [0, 33, 67, 100, 133]
     """
 
-    control_period: Positive = 0.001
-    vision_period: Positive = 0.033
+    control_period: Period = 0.001
+    vision_period: Period = 0.033
 
     def __post_init__(self) -> None:
         """Checks the periods together."""

@@ -29,8 +29,8 @@ from mffdrake.experiment.scenario.scenario_sections import (
 )
 from mffdrake.recognition import TrackerParameters
 from mffdrake.recognition.parameters import (
+    Duration,
     ParameterError,
-    Positive,
     Seed,
     merge,
     parameters,
@@ -57,6 +57,8 @@ class ScenarioError(ParameterError):
         scenario text: duration must be positive, not -1
     """
 
+
+_NEAREST = 0.001  # m, of the searched depths
 
 METHODS = ("ga", "mff")
 """The methods: without motion feedforward (the plain 1-step GA), and with it."""
@@ -113,7 +115,7 @@ class Scenario:
     timing: Timing = dc.field(default_factory=Timing)
     method: Literal["ga", "mff"] = "mff"
     renderer: Literal["vtk", "flat"] = "vtk"
-    duration: Positive = 40.0
+    duration: Duration = 40.0
     seed: Seed = 0
 
     def __post_init__(self) -> None:
@@ -137,10 +139,10 @@ class Scenario:
             except ValueError as error:
                 raise ValueError(f"{section}.{error}") from error
         z = self.recognizer.search_range.z
-        if not z[0] > 0:
+        if z[0] < _NEAREST:
             raise ValueError(
-                "recognizer.search_range.z must lie in front of the camera (above 0 m), not "
-                f"{list(z)}"
+                "recognizer.search_range.z must lie in front of the camera (at least "
+                f"{_NEAREST} m), not {list(z)}"
             )
 
     @cached_property

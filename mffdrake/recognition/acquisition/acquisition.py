@@ -9,13 +9,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, MinLen
+from annotated_types import Ge, Le, MinLen
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.acquisition.proposals import Proposals, Proposer
 from mffdrake.recognition.fitness.matching import Matcher
 from mffdrake.recognition.genetic.genetic import SearchRange
-from mffdrake.recognition.parameters import Count, Share, parameters
+from mffdrake.recognition.parameters import Count, Finite, Number, Pixels, Share, parameters
 from mffdrake.recognition.refinement.refinement import BorderRefiner
 from mffdrake.recognition.visibility.search_model import SamplingParameters, SearchModel
 
@@ -71,10 +71,10 @@ class AcquisitionParameters:
 
     proposals: Count = 150
     tried: Count = 24
-    drawn: Annotated[int, Ge(0)] = 12
+    drawn: Number = 12
     glance: Share = 0.25
-    windows: Annotated[tuple[Count, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
-    early: Annotated[int, Ge(0)] = 2
+    windows: Annotated[tuple[Pixels, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
+    early: Number = 2
     kept: Count = 6
     found: Share = 0.40
     lost: Share = 0.35
@@ -84,7 +84,7 @@ class AcquisitionParameters:
     keep: Share = 0.97
     patience: Count = 30
     least_rows: Count = 30
-    tolerance: Annotated[float, Ge(0.1)] = 1.0
+    tolerance: Annotated[Finite, Ge(0.1), Le(1e9)] = 1.0
 
 
 @parameters

@@ -84,6 +84,7 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "finite_number": lambda c: "must be finite",
     "greater_than": lambda c: "must be positive" if c["gt"] == 0 else f"must be above {c['gt']:g}",
     "greater_than_equal": lambda c: f"must be at least {c['ge']:g}",
+    "string_pattern_mismatch": lambda c: "must be a text without the character \\0",
     "less_than": lambda c: f"must be below {_number(c['lt'])}",
     "less_than_equal": lambda c: f"must be at most {c['le']:g}",
     "literal_error": _one_of,
@@ -100,6 +101,11 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def _least(context: dict[str, Any]) -> str:
     return str(context.get("length", f"at least {context.get('min_length')}"))
+
+
+def _IsTiny(least: float | None) -> bool:
+    """Whether a lower bound is there to keep numbers above 0."""
+    return least is not None and 0 < least <= 1e-3
 
 
 def _number(value: float) -> str:
@@ -138,6 +144,8 @@ def explain(error: ValidationError, where: str = "") -> str:
     if kind == "value_error":
         text = str(context["error"])
         return f"{key}: {text}" if key else text
+    if _IsTiny(context.get("ge")) and not first["input"] > 0:
+        kind, context = "greater_than", {"gt": 0}  # That says it, too.
     rule = _WORDS[kind](context) if kind in _WORDS else first["msg"]
     value = "" if kind == "missing" else f", not {shown(first['input'])}"
     return f"{key} {rule}{value}".lstrip()

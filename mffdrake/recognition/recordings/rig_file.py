@@ -17,6 +17,7 @@ from mffdrake.recognition.parameters import (
     InputError,
     OneOf,
     ParameterError,
+    Text,
     Vector3,
     parameters,
     read_parameters,
@@ -84,7 +85,7 @@ class _DistortionKeys:
 class _CameraKeys:
     """The keys of a camera."""
 
-    calibration: str | None = None
+    calibration: Text | None = None
     width: int | None = None
     height: int | None = None
     fx: float | None = None

@@ -7,7 +7,7 @@ from functools import cached_property
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePose
 
-from mffdrake.recognition.parameters import parameters
+from mffdrake.recognition.parameters import Text, parameters
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.recordings.trajectory import LoadTrajectory
 from mffdrake.systems.arms.models import DescribeMissing
@@ -30,7 +30,7 @@ class TrajectoryFile(TargetMotion):
         ValueError: When the file cannot be read or its times do not increase.
     """
 
-    file: str
+    file: Text
 
     def __post_init__(self) -> None:
         """Reads the file, so that what is wrong with it is told at once."""

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import MinLen
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.recognition.parameters import NonNegative, Vector3, parameters
+from mffdrake.recognition.parameters import NonNegative, Position, Vector3, parameters
 from mffdrake.systems.target_motion.target_motion import Offset, OffsetMotion
 
 __all__ = ["Waypoint", "Waypoints"]
@@ -32,7 +32,7 @@ class Waypoint:
     """
 
     time: NonNegative
-    translation: Vector3 = (0.0, 0.0, 0.0)
+    translation: Position = (0.0, 0.0, 0.0)
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
 
 
