@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return command(options)
     except OSError as error:
         name = f"cannot use {error.filename}: " if error.filename else ""
-        message = f"{name}{error.strerror or error}"
+        message = str(InputError(f"{name}{error.strerror or error}"))
     except (InputError, WorkerDiedError) as error:
         message = str(error)
     except KeyboardInterrupt:
