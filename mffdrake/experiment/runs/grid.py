@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import itertools
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 __all__ = ["Grid", "LoadGrid", "MakeGrid"]
 
 _KEYS = ("scenario", "grid", "seeds")
+_MOST_RUNS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +129,12 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     if data.get("grid") == {}:
         raise ScenarioError("grid has no keys; write such as {method: [ga, mff]}, or leave it out")
     columns = _ReadColumns(data.get("grid", {}), base)
+    number = math.prod(map(len, columns.values())) * len(seeds)
+    if number > _MOST_RUNS:
+        raise ScenarioError(
+            f"grid: that makes {number} runs, but {_MOST_RUNS} are the most; list fewer values or "
+            "seeds, or part them among several files"
+        )
     runs = tuple(_MakeRuns(base, columns, seeds))
     values = {key: [value for value, _ in column] for key, column in columns.items()}
     return Grid(scenario=base, values=values, seeds=seeds, runs=runs)
@@ -146,6 +154,8 @@ def _OnTop(base: Scenario, data: Any) -> Scenario:
 def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
     """The seeds: a number of them, or a list."""
     if type(data) is int and data >= 1:
+        if data > _MOST_RUNS:
+            raise ScenarioError(f"seeds must be at most {_MOST_RUNS}, not {shown(data)}")
         seeds = list(range(first, first + data))
     elif isinstance(data, list) and data and all(type(seed) is int for seed in data):
         seeds = data
@@ -179,14 +189,16 @@ def _ReadColumns(data: Any, base: Scenario) -> dict[str, _Column]:
             raise ScenarioError("grid: 'seed' cannot be varied here; list the values as 'seeds'")
         for other in columns:
             if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
-                raise ScenarioError(f"grid: '{key}' and '{other}' overlap; vary one of them")
+                raise ScenarioError(
+                    f"grid: {shown(key)} and {shown(other)} overlap; vary one of them"
+                )
         if not isinstance(values, list) or not values:
             # So that a wrong key shows as such, whatever its value.
             _CheckKey(key, base)
             what = "an empty list" if values == [] else shown(values)
-            raise ScenarioError(f"grid: {key} must be a list of values, not {what}")
+            raise ScenarioError(f"grid: {shorten(key)} must be a list of values, not {what}")
         columns[key] = [_ReadValue(key, value, base) for value in values]
-        _RequireDistinct([value for value, _ in columns[key]], f"grid: {key}")
+        _RequireDistinct([value for value, _ in columns[key]], f"grid: {shorten(key)}")
     return columns
 
 
@@ -203,7 +215,7 @@ def _CheckKey(key: str, base: Scenario) -> None:
         Change(base, {key: None})
     except ScenarioError as error:
         if str(error).startswith("unknown key"):
-            raise ScenarioError(f"grid: {key}: {error}") from error
+            raise ScenarioError(f"grid: {shorten(key)}: {error}") from error
 
 
 def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, ScenarioError | None]:
@@ -211,7 +223,7 @@ def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, ScenarioError
         return _Find(plain(Change(base, {key: value})), key, value), None
     except ScenarioError as error:
         message = str(error)
-        where = "" if message.startswith(f"{key} ") else f"{key}: "
+        where = "" if message.startswith(f"{key} ") else f"{shorten(key)}: "
         return value, ScenarioError(f"grid: {where}{message}")
 
 

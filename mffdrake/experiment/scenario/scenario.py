@@ -36,6 +36,7 @@ from mffdrake.recognition.parameters import (
     parameters,
     plain,
     read_parameters,
+    shown,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 from mffdrake.systems.arms.arm import ArmModel
@@ -221,7 +222,7 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     for key, value in values.items():
         for other in values:
             if str(other).startswith(f"{key}."):
-                raise ScenarioError(f"'{key}' and '{other}' overlap; change one of them")
+                raise ScenarioError(f"{shown(key)} and {shown(other)} overlap; change one of them")
         *sections, name = str(key).split(".")
         inner = nested
         for section in sections:

@@ -202,7 +202,11 @@ def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
         unknown key 'deviations' in noise (did you mean 'deviation'?); known keys: deviation
     """
     try:
-        made: _T = _adapter(cast(Hashable, cls)).validate_json(json.dumps(data, default=_listed))
+        text = json.dumps(data, default=_listed)
+    except (RecursionError, ValueError) as error:  # ValueError: it holds itself.
+        raise ParameterError(f"{where}: nested too deeply".removeprefix(": ")) from error
+    try:
+        made: _T = _adapter(cast(Hashable, cls)).validate_json(text)
     except ValidationError as error:
         raise ParameterError(explain(error, where)) from error
     return made

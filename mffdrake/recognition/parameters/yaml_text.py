@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-from mffdrake.recognition.parameters import OneOf, ParameterError, shown
+from mffdrake.recognition.parameters import OneOf, ParameterError, shorten, shown
 
 __all__ = ["DumpYaml", "ReadYaml"]
 
@@ -115,7 +115,7 @@ def ReadYaml(text: str) -> dict[str, Any]:
         data = _Construct(text, _CheckEvents(text))
     except yaml.YAMLError as error:
         where = _Place(getattr(error, "problem_mark", None))
-        problem = " ".join(str(getattr(error, "problem", error)).split())
+        problem = shorten(" ".join(str(getattr(error, "problem", error)).split()))
         raise ParameterError(f"not YAML: {where}{problem}") from error
     except UnicodeError as error:
         raise ParameterError("not YAML: not a text in UTF-8") from error

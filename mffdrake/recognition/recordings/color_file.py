@@ -19,6 +19,7 @@ from mffdrake.recognition.parameters import (
     ParameterError,
     parameters,
     read_parameters,
+    shorten,
     shown,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
@@ -85,7 +86,7 @@ def LoadColors(path: Path | str) -> ColorModel:
             )
         faces = []
         for name, keys in colors.items():
-            where = f"colors.{name}"
+            where = f"colors.{shorten(str(name))}"
             color = read_parameters(_ColorKeys, keys, where)
             hue, tolerance = color.hue_deg, color.tolerance_deg
             faces.append(FaceColor(str(name), math.radians(hue), math.radians(tolerance)))

@@ -21,6 +21,7 @@ from mffdrake.recognition.parameters import (
     Vector3,
     parameters,
     read_parameters,
+    shorten,
     shown,
     unknown_key,
 )
@@ -216,7 +217,7 @@ def _ReadCameras(text: str) -> dict[str, Any]:
 
 def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
     """A camera from its keys and values."""
-    where = f"cameras.{name}"
+    where = f"cameras.{shorten(name)}"
     if not isinstance(data, dict) or "_tag" in data:
         raise RigError(f"{where} must be a mapping with the key calibration, or {_ALL_NUMBERS}")
     data = {key: value for key, value in data.items() if value is not None}
@@ -246,7 +247,7 @@ def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
 
 def _FromFile(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
     """A camera from its calibration file."""
-    where = f"cameras.{name}"
+    where = f"cameras.{shorten(name)}"
     both = [key for key in (*_NUMBERS, "distortion") if getattr(keys, key) is not None]
     if both:
         raise RigError(

@@ -380,3 +380,14 @@ def test_the_rig_file_of_the_page_loads(tmp_path):
     assert rig.names == ("front", "side")
     assert [camera.calibration_error for camera in rig.cameras] == [1.0, 0.5]
     np.testing.assert_array_equal(rig.cameras[0].R_CK, np.eye(3))
+
+
+def test_no_message_is_longer_than_what_is_of_use(tmp_path):
+    long = "x" * 5000
+    for text in (
+        f"cameras: {long}",
+        f"cameras:\n  ? {long}\n  : 3",
+        f"cameras: {{no: {{calibration: !{long} {{}}}}}}",
+        f"? {long}\n: 3",
+    ):
+        assert len(error_of(tmp_path, text)) < 500
