@@ -332,10 +332,9 @@ class BorderRefiner:
             return Outcome.TOO_FEW_INLIERS
         if result.residual > p.max_residual * expected:
             return Outcome.LARGE_RESIDUAL
-        if not (
-            variances[:3].sum() <= p.max_position_std**2
-            and variances[3:].sum() <= math.radians(p.max_rotation_std_deg) ** 2
-        ):
+        far, wide = p.max_position_std, math.radians(p.max_rotation_std_deg)
+        # Products overflow to infinity, powers to an error.
+        if not (variances[:3].sum() <= far * far and variances[3:].sum() <= wide * wide):
             return Outcome.UNCERTAIN
         shift = np.linalg.norm(result.pose[:3] - given[:3])
         turn = float(rotation_angle(result.pose[3:], given[3:]))

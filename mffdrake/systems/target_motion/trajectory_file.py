@@ -43,7 +43,7 @@ class TrajectoryFile(TargetMotion):
         except ValueError as error:
             raise ValueError(f"file: {error}") from error
         times = trajectory.times
-        if len(times) < 2 or not (times[1:] > times[:-1]).all():
+        if len(times) < 2 or not (times[1:] - times[:-1] > 1e-9).all():
             raise ValueError(f"file: {self.file}: there must be two poses or more, in time's order")
 
     def CalcPose(self, X_WM0: RigidTransform, time: float) -> RigidTransform:
