@@ -18,6 +18,7 @@ from mffdrake.recognition.parameters import Period, parameters
 __all__ = ["Timing"]
 
 _MAX_DENOMINATOR = 1_000_000
+_MOST_TICKS = 100_000  # of a latency: so many states are kept, and copied at every tick
 
 
 @parameters
@@ -112,13 +113,19 @@ class Timing:
         """Checks that a latency [s] is a whole number of control ticks.
 
         Raises:
-            ValueError: When it is not, or negative.
+            ValueError: When it is not, or negative, or of more than 100 000 ticks.
         """
         ticks = latency / self.control_period
         if not 0.0 <= latency < math.inf or abs(ticks - round(ticks)) > 1e-6:
             raise ValueError(
                 f"latency must be at least 0 and a whole multiple of the control period of "
                 f"{self.control_period} s, not {latency} s"
+            )
+        if ticks > _MOST_TICKS:
+            raise ValueError(
+                f"latency must be at most {_MOST_TICKS} control periods, which is "
+                f"{_MOST_TICKS * self.control_period:g} s, not {latency:g} s; make it smaller, or "
+                "the control period greater"
             )
 
     def NumFrames(self, duration: float) -> int:

@@ -68,7 +68,7 @@ def test_the_described_defaults_and_the_schema_tell_bounds():
     text = commented_yaml(Scenario())
     for words in (
         "Image width [px]. From 1 to 16384.\n",
-        "Vertical field of view [deg]. From 0.001 to below 180.\n",
+        "Vertical field of view [deg]. From 0.001 to 179.9.\n",
         "Time between control ticks [s]. From 1e-06 to 1000.\n",
     ):
         assert words in text

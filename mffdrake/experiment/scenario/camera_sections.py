@@ -6,7 +6,7 @@ import dataclasses as dc
 import math
 from typing import Annotated, ClassVar
 
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 
 from mffdrake.recognition import Distortion
 from mffdrake.recognition.parameters import (
@@ -26,7 +26,7 @@ from mffdrake.systems.transforms import Pose
 
 __all__ = ["CalibrationConfig", "HandCameraConfig", "StereoCameraConfig"]
 
-_Angle = Annotated[Finite, Ge(0.001), Lt(180)]
+_Angle = Annotated[Finite, Ge(0.001), Le(179.9)]
 
 
 _Focal = Annotated[Finite, Ge(1e-3), Le(1e6)]

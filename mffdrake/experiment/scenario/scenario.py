@@ -25,6 +25,7 @@ from mffdrake.experiment.scenario.scenario_sections import (
     NoServo,
     PredictorConfig,
     Servo,
+    ServoConfig,
     TargetConfig,
 )
 from mffdrake.recognition import TrackerParameters
@@ -125,6 +126,11 @@ class Scenario:
         if self.duration < tick:
             raise ValueError(
                 f"duration must be at least timing.control_period ({tick} s), not {self.duration}"
+            )
+        if isinstance(self.servo, ServoConfig) and self.servo.controller.period < tick:
+            raise ValueError(
+                f"servo.controller.period must be at least timing.control_period ({tick} s), not "
+                f"{self.servo.controller.period}"
             )
         cameras = self.cameras or ()
         names = [camera.name for camera in cameras]
