@@ -121,7 +121,7 @@ class Timing:
                 f"latency must be at least 0 and a whole multiple of the control period of "
                 f"{self.control_period} s, not {latency} s"
             )
-        if ticks > _MOST_TICKS:
+        if round(ticks) > _MOST_TICKS:
             raise ValueError(
                 f"latency must be at most {_MOST_TICKS} control periods, which is "
                 f"{_MOST_TICKS * self.control_period:g} s, not {latency:g} s; make it smaller, or "

@@ -636,6 +636,8 @@ def test_a_dump_shows_every_key():
             "camera.latency",
             "at most 100000 control periods, which is 0.1 s, not 1 s",
         ),
+        ("cameras: [{name: ../x}]", r"cameras\[0\]: name", "that of a folder, too, not '../x'"),
+        ("cameras: [{name: /x}]", r"cameras\[0\]: name", "that of a folder, too, not '/x'"),
         ("camera: {latency: -1}", "camera.latency", "at least 0"),
         ("encoders: {noise_deg: -1}", "encoders.noise_deg", "at least 0"),
         ("predictor: {hand_eye_error_deg: [1, 2]}", "hand_eye_error_deg", "3 values"),

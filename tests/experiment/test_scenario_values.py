@@ -9,9 +9,11 @@ import types
 import typing
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 import pytest
 
 from mffdrake.experiment.scenario.scenario import LoadScenario, Scenario, ScenarioError
+from mffdrake.experiment.simulation.simulation import Simulate
 from mffdrake.recognition.parameters import Limit, choices, is_choice, kind_of, tag_of
 from mffdrake.recognition.parameters.yaml_text import DumpYaml
 
@@ -130,7 +132,7 @@ def test_any_value_is_taken_or_refused_in_one_short_line_that_names_the_field(ke
         assert key.split(".")[-1] in message, message
 
 
-@pytest.mark.parametrize("key", filter(numbers, FIELDS))
+@pytest.mark.parametrize("key", list(filter(numbers, FIELDS)))
 def test_every_number_has_bounds_within_which_it_can_be_reckoned_with(key):
     field, count = FIELDS[key], length(FIELDS[key].hint)
     for value in (-1e308, 1e10, 1e30, 1e308, 2**63, -math.inf, math.inf, math.nan):
@@ -144,3 +146,35 @@ def test_every_number_has_bounds_within_which_it_can_be_reckoned_with(key):
 def test_a_text_has_no_character_0_which_would_end_it_elsewhere():
     for text in ("\0", "a\0b"):
         assert "without the character" in load(FIELDS["target.model"], text)[1]
+
+
+SMALL = """
+renderer: flat
+duration: 0.04
+camera: {width: 64, height: 48}
+recognizer: {population_size: 5, first_candidates: 3, refinement: borders}
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "camera: {width: 1, height: 1, baseline: 1e-6, fov_y_deg: 0.001, latency: 1e-300}",
+        "camera: {width: 16384, fov_y_deg: 179.9, p_EC: [1e3, 1e3, 1e3]}",
+        "{calibration: {focal_error: 1e3, baseline_error: 1e3}, predictor: {gain: 1e9}}",
+        "encoders: {noise_deg: 360, resolution_deg: 5e-324}",
+        "target: {X_WM: {rotation: !AngleAxis {angle_deg: 1e9, axis: [1e-9, 0, 0]}}}",
+        "target: {motion: !Sinusoids {amplitude: [1e3, 1e3, 1e3], period: [1e-6]}}",
+        "disturbances: [!Brightness {offset: 1e9, amplitude: 1e9, period: 1e-6}, frozen]",
+        "clutter: [!Occluder {size: [1e-6, 1e3, 1e-6], direction: [1e-9, 0, 0], period: 1e-6}]",
+        "recognizer: {local_moves: {depth: 1e3, shift: 1e3, rotation_deg: 1e9, decades: 100}}",
+        "recognizer: {search_range: {x: [-1e3, 1e3], z: [0.001, 1e3]}}",
+        "recognizer: {refinement: !Borders {window: 1000, blend: 1000, max_shift: 1e308}}",
+        "servo: !Follow {source: truth, controller: {gain: 1e9, centering: 1e9}}",
+    ],
+)
+def test_values_at_the_bounds_can_be_reckoned_with(text):
+    result = Simulate(LoadScenario(text=text, defaults=LoadScenario(text=SMALL)))
+    assert result.recognized_pose.shape == (2, 6)
+    for values in (result.recognized_pose, result.joint_positions, result.fitness):
+        assert np.isfinite(values).all()

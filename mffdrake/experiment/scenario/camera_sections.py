@@ -20,6 +20,7 @@ from mffdrake.recognition.parameters import (
     Positive,
     Text,
     parameters,
+    shown,
 )
 from mffdrake.systems.cameras.camera_frames import DEFAULT_BASELINE, DEFAULT_P_EC
 from mffdrake.systems.transforms import Pose
@@ -188,7 +189,12 @@ class HandCameraConfig:
     latency: Latency = 0.0
 
     def __post_init__(self) -> None:
-        """Checks the size of the images."""
+        """Checks the name, which recordings have a folder of, and the size of the images."""
+        if self.name.startswith("/") or {".", ".."} & set(self.name.split("/")):
+            raise ValueError(
+                f"name must be that of a folder, too, not {shown(self.name)}: without . and .. "
+                "and / at its beginning"
+            )
         _CheckSize(self.width, self.height)
 
 

@@ -33,6 +33,9 @@ _LEAST_IN_ONE = 10  # places where a camera should show borders, for its share t
 _CLOSE = 0.5  # after the first steps, so much less is enough to be another.
 
 
+_Tries = Annotated[int, Ge(1), Le(10_000)]
+
+
 @parameters
 class AcquisitionParameters:
     """How a target is searched for, and when it is believed to be found.
@@ -69,9 +72,9 @@ class AcquisitionParameters:
 
     kind: ClassVar[str] = "blobs"
 
-    proposals: Count = 150
-    tried: Count = 24
-    drawn: Number = 12
+    proposals: _Tries = 150
+    tried: _Tries = 24
+    drawn: Annotated[int, Ge(0), Le(10_000)] = 12
     glance: Share = 0.25
     windows: Annotated[tuple[Pixels, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
     early: Number = 2
