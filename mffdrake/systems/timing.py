@@ -13,11 +13,12 @@ import math
 from fractions import Fraction
 from functools import cached_property
 
-from mffdrake.recognition.parameters import Positive, parameters
+from mffdrake.recognition.parameters import Period, parameters
 
 __all__ = ["Timing"]
 
 _MAX_DENOMINATOR = 1_000_000
+_MOST_TICKS = 100_000  # of a latency: so many states are kept, and copied at every tick
 
 
 @parameters
@@ -47,8 +48,8 @@ class Timing:
         [0, 33, 67, 100, 133]
     """
 
-    control_period: Positive = 0.001
-    vision_period: Positive = 0.033
+    control_period: Period = 0.001
+    vision_period: Period = 0.033
 
     def __post_init__(self) -> None:
         """Checks the periods together."""
@@ -115,13 +116,19 @@ class Timing:
         """Checks that a latency [s] is a whole number of control ticks.
 
         Raises:
-            ValueError: When it is not, or negative.
+            ValueError: When it is not, or negative, or of more than 100 000 ticks.
         """
         ticks = latency / self.control_period
         if not 0.0 <= latency < math.inf or abs(ticks - round(ticks)) > 1e-6:
             raise ValueError(
                 f"latency must be at least 0 and a whole multiple of the control period of "
                 f"{self.control_period} s, not {latency} s"
+            )
+        if round(ticks) > _MOST_TICKS:
+            raise ValueError(
+                f"latency must be at most {_MOST_TICKS} control periods, which is "
+                f"{_MOST_TICKS * self.control_period:g} s, not {latency:g} s; make it smaller, or "
+                "the control period greater"
             )
 
     def NumFrames(self, duration: float) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydrake.math import RigidTransform, RotationMatrix
 
-from mffdrake.recognition.parameters import OneOf, Vector3, parameters
+from mffdrake.recognition.parameters import OneOf, Position, parameters
 from mffdrake.recognition.parameters.rotations import AngleAxisDeg, Identity, RpyDeg
 
 __all__ = ["Pose"]
@@ -27,7 +27,7 @@ class Pose:
         array([0. , 0. , 0.1])
     """
 
-    translation: Vector3 = (0.0, 0.0, 0.0)
+    translation: Position = (0.0, 0.0, 0.0)
     rotation: Annotated[Identity | RpyDeg | AngleAxisDeg, OneOf()] = dc.field(
         default_factory=Identity
     )

@@ -171,3 +171,29 @@ def test_a_file_that_is_no_text_is_an_error_that_names_it(tmp_path):
     (tmp_path / "grid.yaml").write_bytes("seeds: 3  # für später".encode("latin-1"))
     with pytest.raises(ScenarioError, match=r"grid\.yaml: not a text file in UTF-8"):
         LoadGrid(tmp_path / "grid.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("seeds: 1000000000000", "seeds must be at most 100000, not 1000000000000"),
+        (
+            "grid: {duration: [1, 2], camera.width: [3, 4]}\nseeds: 50000",
+            "grid: that makes 200000 runs, but 100000 are the most; list fewer values or seeds",
+        ),
+        (f"grid:\n  ? {'a.' * 2000}b\n  : [1]", "grid: a[.]a[.].*nested too deeply"),
+        (f"grid:\n  ? {'x' * 5000}\n  : [1]", "unknown key 'xx"),
+        (f"grid: {{camera.width: [{'x' * 5000}]}}", "camera.width must be a whole number, not 'xx"),
+        (f"grid: {'x' * 5000}", "grid must be a mapping .*, not 'xx"),
+        (f"seeds: {'x' * 5000}", "seeds must be a positive .*, not 'xx"),
+        ("grid: {recognizer.refinement._tag: [[1]]}", "recognizer.refinement must be one of"),
+        ("seeds: +3", "seeds must be a positive whole number .*, not '[+]3'"),
+    ],
+)
+def test_what_would_never_end_or_fill_the_screen_is_refused_in_one_short_line(
+    text, message, tmp_path
+):
+    with pytest.raises(ScenarioError, match=message) as caught:
+        load(text, tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(str(caught.value)) < 600

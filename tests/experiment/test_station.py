@@ -64,6 +64,18 @@ def test_the_described_defaults_are_the_defaults_and_the_schema_knows_their_keys
     assert all("description" in part for part in schema["properties"].values())
 
 
+def test_the_described_defaults_and_the_schema_tell_bounds():
+    text = commented_yaml(Scenario())
+    for words in (
+        "Image width [px]. From 1 to 16384.\n",
+        "Vertical field of view [deg]. From 0.001 to 179.9.\n",
+        "Time between control ticks [s]. From 1e-06 to 1000.\n",
+    ):
+        assert words in text
+    width = json_schema(Scenario)["$defs"]["StereoCameraConfig"]["properties"]["width"]
+    assert (width["minimum"], width["maximum"]) == (1, 16384)
+
+
 # Cameras.
 
 

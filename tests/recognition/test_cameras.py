@@ -273,6 +273,18 @@ def test_usual_lenses_show_all_of_their_image(name):
     assert LENSES[name].max_radius == pytest.approx(widest)
 
 
+@pytest.mark.parametrize("tiny", [5e-324, -1e-310, 1e-300])
+@pytest.mark.parametrize(
+    ("model", "count"), [("plumb_bob", 5), ("plumb_bob", 8), ("equidistant", 4)]
+)
+def test_a_coefficient_next_to_nothing_is_none(model, count, tiny):
+    """Nothing is divided by it."""
+    assert (
+        Distortion(model, (tiny,) * count).max_radius
+        == Distortion(model, (0.0,) * count).max_radius
+    )
+
+
 # Images
 
 

@@ -649,6 +649,12 @@ def test_every_rejection_has_its_reason(parameters, reason):
     assert_refused(refiner.refine(start, IMAGES[ALIASED]), start, reason)
 
 
+def test_a_limit_may_be_as_great_as_a_number_can_be():
+    greatest = RefinementParameters(max_position_std=1e308, max_rotation_std_deg=1e308)
+    start = displaced(TRUTH, np.random.default_rng(18))
+    assert BorderRefiner(MATCHER, greatest).refine(start, IMAGES[ALIASED]).converged
+
+
 def test_a_less_fit_pose_is_refused():
     class Liar(Matcher):
         def score(self, poses, scene):

@@ -127,6 +127,11 @@ def test_waypoints_are_met_and_not_passed(count):
         (Step, {"time": -1.0}, "time"),
         (Waypoints, {"points": ()}, "points"),
         (Waypoints, {"points": (Waypoint(time=2), Waypoint(time=2))}, "order of their times"),
+        (
+            Waypoints,
+            {"points": (Waypoint(time=0), Waypoint(time=1e-300), Waypoint(time=1))},
+            r"at least 1e-06 s apart, not at \[0.0, 1e-300, 1.0\] s",
+        ),
     ],
 )
 def test_wrong_values_are_told(cls, values, message):

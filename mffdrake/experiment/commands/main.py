@@ -26,6 +26,7 @@ from mffdrake.experiment.runs.executors.local_processes import PrepareWorkers
 __all__ = ["main"]
 
 
+_LONG_PATH = 300  # characters
 _COMMANDS = {
     "run": "run.RunOne", "servo": "run.RunServo", "record": "run.RunRecord",
     "compare": "many.RunCompare", "sweep": "many.RunSweep", "reproduce": "many.RunReproduce",
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if _NeedsWorkers(options):  # They load in the background what this process loads, too.
         PrepareWorkers()
     from mffdrake.experiment.commands.options.arguments import CheckFiles
-    from mffdrake.recognition.parameters import InputError
+    from mffdrake.recognition.parameters import InputError, shorten
 
     command = _Find(options.command)
     signal.signal(signal.SIGINT, on_interrupt)
@@ -72,8 +73,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         CheckFiles(options)
         return command(options)
     except OSError as error:
-        name = f"cannot use {error.filename}: " if error.filename else ""
-        message = f"{name}{error.strerror or error}"
+        name = str(error.filename or "")
+        if len(name) > _LONG_PATH:
+            name = shorten(name)
+        message = f"cannot use {name}: {error.strerror}" if name else f"{error.strerror or error}"
     except (InputError, WorkerDiedError) as error:
         message = str(error)
     except KeyboardInterrupt:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import itertools
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from mffdrake.recognition.parameters import (
     merge,
     plain,
     read_parameters,
+    shorten,
+    shown,
     unknown_key,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
@@ -25,6 +28,7 @@ from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 __all__ = ["Grid", "LoadGrid", "MakeGrid"]
 
 _KEYS = ("scenario", "grid", "seeds")
+_MOST_RUNS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +129,12 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
     if data.get("grid") == {}:
         raise ScenarioError("grid has no keys; write such as {method: [ga, mff]}, or leave it out")
     columns = _ReadColumns(data.get("grid", {}), base)
+    number = math.prod(map(len, columns.values())) * len(seeds)
+    if number > _MOST_RUNS:
+        raise ScenarioError(
+            f"grid: that makes {number} runs, but {_MOST_RUNS} are the most; list fewer values or "
+            "seeds, or part them among several files"
+        )
     runs = tuple(_MakeRuns(base, columns, seeds))
     values = {key: [value for value, _ in column] for key, column in columns.items()}
     return Grid(scenario=base, values=values, seeds=seeds, runs=runs)
@@ -132,7 +142,9 @@ def MakeGrid(data: Mapping[str, Any], *, scenario: Scenario | None = None) -> Gr
 
 def _OnTop(base: Scenario, data: Any) -> Scenario:
     if not isinstance(data, dict):
-        raise ScenarioError(f"scenario must be a mapping such as {{duration: 20}}, not {data!r}")
+        raise ScenarioError(
+            f"scenario must be a mapping such as {{duration: 20}}, not {shown(data)}"
+        )
     try:
         return read_parameters(Scenario, merge(base, data))
     except ParameterError as error:
@@ -142,12 +154,14 @@ def _OnTop(base: Scenario, data: Any) -> Scenario:
 def _ReadSeeds(data: Any, first: int) -> tuple[int, ...]:
     """The seeds: a number of them, or a list."""
     if type(data) is int and data >= 1:
+        if data > _MOST_RUNS:
+            raise ScenarioError(f"seeds must be at most {_MOST_RUNS}, not {shown(data)}")
         seeds = list(range(first, first + data))
     elif isinstance(data, list) and data and all(type(seed) is int for seed in data):
         seeds = data
     else:
         raise ScenarioError(
-            f"seeds must be a positive whole number or a list of whole numbers, not {data!r}"
+            f"seeds must be a positive whole number or a list of whole numbers, not {shown(data)}"
         )
     for seed in seeds:
         if not 0 <= seed < 2**63:
@@ -164,23 +178,27 @@ _Column = list[tuple[Any, ScenarioError | None]]
 def _ReadColumns(data: Any, base: Scenario) -> dict[str, _Column]:
     """The varied keys' values."""
     if not isinstance(data, dict):
-        raise ScenarioError(f"grid must be a mapping such as {{method: [ga, mff]}}, not {data!r}")
+        raise ScenarioError(
+            f"grid must be a mapping such as {{method: [ga, mff]}}, not {shown(data)}"
+        )
     columns: dict[str, _Column] = {}
     for key, values in data.items():
         if not isinstance(key, str):
-            raise ScenarioError(f"grid: a key must be a scenario's key, not {key!r}")
+            raise ScenarioError(f"grid: a key must be a scenario's key, not {shown(key)}")
         if key == "seed":
             raise ScenarioError("grid: 'seed' cannot be varied here; list the values as 'seeds'")
         for other in columns:
             if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
-                raise ScenarioError(f"grid: '{key}' and '{other}' overlap; vary one of them")
+                raise ScenarioError(
+                    f"grid: {shown(key)} and {shown(other)} overlap; vary one of them"
+                )
         if not isinstance(values, list) or not values:
             # So that a wrong key shows as such, whatever its value.
             _CheckKey(key, base)
-            what = "an empty list" if values == [] else repr(values)
-            raise ScenarioError(f"grid: {key} must be a list of values, not {what}")
+            what = "an empty list" if values == [] else shown(values)
+            raise ScenarioError(f"grid: {shorten(key)} must be a list of values, not {what}")
         columns[key] = [_ReadValue(key, value, base) for value in values]
-        _RequireDistinct([value for value, _ in columns[key]], f"grid: {key}")
+        _RequireDistinct([value for value, _ in columns[key]], f"grid: {shorten(key)}")
     return columns
 
 
@@ -188,7 +206,7 @@ def _RequireDistinct(values: list[Any], what: str) -> None:
     seen = set()
     for value in map(json.dumps, values):
         if value in seen:
-            raise ScenarioError(f"{what} has the value {value} twice")
+            raise ScenarioError(f"{what} has the value {shorten(value)} twice")
         seen.add(value)
 
 
@@ -197,7 +215,7 @@ def _CheckKey(key: str, base: Scenario) -> None:
         Change(base, {key: None})
     except ScenarioError as error:
         if str(error).startswith("unknown key"):
-            raise ScenarioError(f"grid: {key}: {error}") from error
+            raise ScenarioError(f"grid: {shorten(key)}: {error}") from error
 
 
 def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, ScenarioError | None]:
@@ -205,7 +223,7 @@ def _ReadValue(key: str, value: Any, base: Scenario) -> tuple[Any, ScenarioError
         return _Find(plain(Change(base, {key: value})), key, value), None
     except ScenarioError as error:
         message = str(error)
-        where = "" if message.startswith(f"{key} ") else f"{key}: "
+        where = "" if message.startswith(f"{key} ") else f"{shorten(key)}: "
         return value, ScenarioError(f"grid: {where}{message}")
 
 
@@ -241,7 +259,9 @@ def _MakeRuns(
             for _, alone in combination:
                 if alone is not None:
                     raise alone from error
-            shown = ", ".join(f"{key} {json.dumps(value)}" for key, value in values.items())
-            raise ScenarioError(f"grid: with {shown}: {error}" if shown else str(error)) from error
+            words = ", ".join(
+                f"{key} {shorten(json.dumps(value))}" for key, value in values.items()
+            )
+            raise ScenarioError(f"grid: with {words}: {error}" if words else str(error)) from error
         for seed in seeds:
             yield PlannedRun(labels=values, scenario=dc.replace(scenario, seed=seed))

@@ -6,24 +6,40 @@ import dataclasses as dc
 import math
 from typing import Annotated, ClassVar
 
-from annotated_types import Gt, Lt, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 
 from mffdrake.recognition import Distortion
 from mffdrake.recognition.parameters import (
-    Count,
+    Coordinate,
     Finite,
-    NonNegative,
+    Latency,
+    Length,
     OneOf,
+    Pixels,
+    Position,
     Positive,
-    Vector3,
+    Text,
     parameters,
+    shown,
 )
 from mffdrake.systems.cameras.camera_frames import DEFAULT_BASELINE, DEFAULT_P_EC
 from mffdrake.systems.transforms import Pose
 
 __all__ = ["CalibrationConfig", "HandCameraConfig", "StereoCameraConfig"]
 
-_Angle = Annotated[float, Gt(0), Lt(180)]
+_Angle = Annotated[Finite, Ge(0.001), Le(179.9)]
+
+
+_Focal = Annotated[Finite, Ge(1e-3), Le(1e6)]
+_MOST_PIXELS = 2**26  # of an image
+
+
+def _CheckSize(width: int, height: int) -> None:
+    if width * height > _MOST_PIXELS:
+        raise ValueError(
+            f"width and height must make an image of at most {_MOST_PIXELS} pixels, not of "
+            f"{width * height}"
+        )
 
 
 @parameters
@@ -39,12 +55,16 @@ class StereoCameraConfig:
         latency: Age of the images when they arrive [s], a whole multiple of the control period.
     """
 
-    width: Count = 640
-    height: Count = 480
+    width: Pixels = 640
+    height: Pixels = 480
     fov_y_deg: _Angle = 45.0
-    baseline: Positive = DEFAULT_BASELINE
-    p_EC: Vector3 = DEFAULT_P_EC
-    latency: NonNegative = 0.0
+    baseline: Length = DEFAULT_BASELINE
+    p_EC: Position = DEFAULT_P_EC
+    latency: Latency = 0.0
+
+    def __post_init__(self) -> None:
+        """Checks the size of the images."""
+        _CheckSize(self.width, self.height)
 
 
 @parameters
@@ -74,8 +94,8 @@ class FocalLength:
         y: Along v [px]; null for the same.
     """
 
-    x: Positive
-    y: Positive | None = None
+    x: _Focal
+    y: _Focal | None = None
 
     def CalcFocalLengths(self, width: int, height: int) -> tuple[float, float]:
         """Along u and v [px]."""
@@ -136,7 +156,7 @@ class CameraPose(Pose):
             null for the hand's. All cameras must be on the hand's body.
     """
 
-    base_frame: str | None = None
+    base_frame: Text | None = None
 
 
 @parameters
@@ -156,9 +176,9 @@ class HandCameraConfig:
         latency: Age of its images when they arrive [s], a whole multiple of the control period.
     """
 
-    name: Annotated[str, MinLen(1)]
-    width: Count = 640
-    height: Count = 480
+    name: Annotated[Text, MinLen(1)]
+    width: Pixels = 640
+    height: Pixels = 480
     focal: Annotated[FovDegrees | FocalLength, OneOf()] = dc.field(default_factory=FovDegrees)
     center_x: Positive | None = None
     center_y: Positive | None = None
@@ -166,7 +186,16 @@ class HandCameraConfig:
     distortion: Annotated[NoDistortion | PlumbBob | Equidistant, OneOf()] = dc.field(
         default_factory=NoDistortion
     )
-    latency: NonNegative = 0.0
+    latency: Latency = 0.0
+
+    def __post_init__(self) -> None:
+        """Checks the name, which recordings have a folder of, and the size of the images."""
+        if self.name.startswith("/") or {".", ".."} & set(self.name.split("/")):
+            raise ValueError(
+                f"name must be that of a folder, too, not {shown(self.name)}: without . and .. "
+                "and / at its beginning"
+            )
+        _CheckSize(self.width, self.height)
 
 
 @parameters
@@ -178,5 +207,5 @@ class CalibrationConfig:
         baseline_error: So much farther from the first camera are the others [m].
     """
 
-    focal_error: Annotated[float, Gt(-1)] = 0.0
-    baseline_error: Finite = 0.0
+    focal_error: Annotated[Finite, Gt(-1), Ge(-0.999), Le(1e3)] = 0.0
+    baseline_error: Coordinate = 0.0

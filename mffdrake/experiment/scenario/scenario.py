@@ -25,17 +25,19 @@ from mffdrake.experiment.scenario.scenario_sections import (
     NoServo,
     PredictorConfig,
     Servo,
+    ServoConfig,
     TargetConfig,
 )
 from mffdrake.recognition import TrackerParameters
 from mffdrake.recognition.parameters import (
+    Duration,
     ParameterError,
-    Positive,
     Seed,
     merge,
     parameters,
     plain,
     read_parameters,
+    shown,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 from mffdrake.systems.arms.arm import ArmModel
@@ -57,6 +59,8 @@ class ScenarioError(ParameterError):
         scenario text: duration must be positive, not -1
     """
 
+
+_NEAREST = 0.001  # m, of the searched depths
 
 METHODS = ("ga", "mff")
 """The methods: without motion feedforward (the plain 1-step GA), and with it."""
@@ -113,7 +117,7 @@ class Scenario:
     timing: Timing = dc.field(default_factory=Timing)
     method: Literal["ga", "mff"] = "mff"
     renderer: Literal["vtk", "flat"] = "vtk"
-    duration: Positive = 40.0
+    duration: Duration = 40.0
     seed: Seed = 0
 
     def __post_init__(self) -> None:
@@ -122,6 +126,11 @@ class Scenario:
         if self.duration < tick:
             raise ValueError(
                 f"duration must be at least timing.control_period ({tick} s), not {self.duration}"
+            )
+        if isinstance(self.servo, ServoConfig) and self.servo.controller.period < tick:
+            raise ValueError(
+                f"servo.controller.period must be at least timing.control_period ({tick} s), not "
+                f"{self.servo.controller.period}"
             )
         cameras = self.cameras or ()
         names = [camera.name for camera in cameras]
@@ -137,10 +146,10 @@ class Scenario:
             except ValueError as error:
                 raise ValueError(f"{section}.{error}") from error
         z = self.recognizer.search_range.z
-        if not z[0] > 0:
+        if z[0] < _NEAREST:
             raise ValueError(
-                "recognizer.search_range.z must lie in front of the camera (above 0 m), not "
-                f"{list(z)}"
+                "recognizer.search_range.z must lie in front of the camera (at least "
+                f"{_NEAREST} m), not {list(z)}"
             )
 
     @cached_property
@@ -219,7 +228,7 @@ def Change(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     for key, value in values.items():
         for other in values:
             if str(other).startswith(f"{key}."):
-                raise ScenarioError(f"'{key}' and '{other}' overlap; change one of them")
+                raise ScenarioError(f"{shown(key)} and {shown(other)} overlap; change one of them")
         *sections, name = str(key).split(".")
         inner = nested
         for section in sections:

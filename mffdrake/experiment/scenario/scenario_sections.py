@@ -8,15 +8,18 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from annotated_types import Ge, Lt
+from annotated_types import Ge, Le, Lt
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from mffdrake.recognition.parameters import (
     Finite,
+    Latency,
+    Length,
     NonNegative,
     OneOf,
-    Positive,
+    Position,
+    Text,
     Vector3,
     parameters,
 )
@@ -62,9 +65,9 @@ class HandPathConfig:
         X_WE0: The hand's first pose, Eq. (29).
     """
 
-    amplitude_deg: Annotated[float, Ge(0), Lt(180)] = 15.0
-    distance: Positive = 0.8
-    omega: NonNegative = 0.105
+    amplitude_deg: Annotated[Finite, Ge(0), Lt(180)] = 15.0
+    distance: Length = 0.8
+    omega: Annotated[Finite, Ge(0), Le(1e3)] = 0.105
     X_WE0: Pose = dc.field(default_factory=lambda: _LikeFirstHandPose(0.918))
 
     def Make(self) -> HandPath:
@@ -108,9 +111,9 @@ class EncodersConfig:
         resolution_deg: Step of the joint angles that can be read [deg]; 0 for no rounding.
     """
 
-    noise_deg: NonNegative = 0.0
-    offset_deg: tuple[Finite, ...] = ()
-    resolution_deg: NonNegative = 0.0
+    noise_deg: Annotated[Finite, Ge(0), Le(360)] = 0.0
+    offset_deg: tuple[Annotated[Finite, Ge(-360), Le(360)], ...] = ()
+    resolution_deg: Annotated[Finite, Ge(0), Le(360)] = 0.0
 
 
 @parameters
@@ -125,7 +128,7 @@ class TargetConfig:
             ``!Waypoints {...}`` or ``!TrajectoryFile {file: poses.tum}``.
     """
 
-    model: str = "package://mffdrake/target_box.sdf"
+    model: Text = "package://mffdrake/target_box.sdf"
     X_WM: Pose = dc.field(default_factory=lambda: _LikeFirstHandPose(1.718))
     motion: Motion = dc.field(default_factory=AtRest)
 
@@ -186,10 +189,10 @@ class PredictorConfig:
     """
 
     mode: Literal["rigid", "velocity"] = "rigid"
-    latency: NonNegative | None = None
+    latency: Latency | None = None
     gain: Finite = 1.0
     hand_eye_error_deg: Vector3 = (0.0, 0.0, 0.0)
-    hand_eye_error: Vector3 = (0.0, 0.0, 0.0)
+    hand_eye_error: Position = (0.0, 0.0, 0.0)
 
 
 Servo: TypeAlias = Annotated[NoServo | ServoConfig, OneOf()]

@@ -9,13 +9,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, MinLen
+from annotated_types import Ge, Le, MinLen
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.acquisition.proposals import Proposals, Proposer
 from mffdrake.recognition.fitness.matching import Matcher
 from mffdrake.recognition.genetic.genetic import SearchRange
-from mffdrake.recognition.parameters import Count, Share, parameters
+from mffdrake.recognition.parameters import Count, Finite, Number, Pixels, Share, parameters
 from mffdrake.recognition.refinement.refinement import BorderRefiner
 from mffdrake.recognition.visibility.search_model import SamplingParameters, SearchModel
 
@@ -31,6 +31,9 @@ _APART = 0.075  # of the solid's size, and
 _TURNED = math.radians(15.0)  # poses nearer than both are the same, before the steps;
 _LEAST_IN_ONE = 10  # places where a camera should show borders, for its share to tell something
 _CLOSE = 0.5  # after the first steps, so much less is enough to be another.
+
+
+_Tries = Annotated[int, Ge(1), Le(10_000)]
 
 
 @parameters
@@ -69,12 +72,12 @@ class AcquisitionParameters:
 
     kind: ClassVar[str] = "blobs"
 
-    proposals: Count = 150
-    tried: Count = 24
-    drawn: Annotated[int, Ge(0)] = 12
+    proposals: _Tries = 150
+    tried: _Tries = 24
+    drawn: Annotated[int, Ge(0), Le(10_000)] = 12
     glance: Share = 0.25
-    windows: Annotated[tuple[Count, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
-    early: Annotated[int, Ge(0)] = 2
+    windows: Annotated[tuple[Pixels, ...], MinLen(1)] = (32, 24, 16, 12, 8, 4)
+    early: Number = 2
     kept: Count = 6
     found: Share = 0.40
     lost: Share = 0.35
@@ -84,7 +87,7 @@ class AcquisitionParameters:
     keep: Share = 0.97
     patience: Count = 30
     least_rows: Count = 30
-    tolerance: Annotated[float, Ge(0.1)] = 1.0
+    tolerance: Annotated[Finite, Ge(0.1), Le(1e9)] = 1.0
 
 
 @parameters

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.distortion import MODELS, Distortion
 from mffdrake.recognition.parameters import (
-    Count,
     Finite,
     NonNegative,
+    Pixels,
     Positive,
     check,
     check_fields,
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from mffdrake.recognition.camera.lens import Eye, View
 
 Array = NDArray[np.float64]
+
+_FARTHEST = 1e9  # m
 Image = NDArray[np.uint8]
 
 CALIBRATION_ERROR = 0.5  # [px] What the calibration of a real camera may well leave
@@ -66,8 +68,8 @@ class Camera:
     """
 
     name: str = "camera"
-    width: Count
-    height: Count
+    width: Pixels
+    height: Pixels
     fx: Positive
     fy: Positive
     cx: Finite
@@ -82,10 +84,10 @@ class Camera:
         check_fields(self, f"camera '{self.name}': ")
         for name, shape in (("R_CK", (3, 3)), ("p_CK", (3,))):
             array = np.array(getattr(self, name), dtype=float)
-            if array.shape != shape or not np.isfinite(array).all():
+            if array.shape != shape or not (np.abs(array) <= _FARTHEST).all():
                 raise ValueError(
-                    f"camera '{self.name}': {name} must be {shape} finite numbers, not "
-                    f"{array.tolist()}"
+                    f"camera '{self.name}': {name} must be {shape} finite numbers up to "
+                    f"{_FARTHEST:g}, not {array.tolist()}"
                 )
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -239,7 +241,7 @@ class CameraRig:
         check(Positive, baseline, "stereo camera: baseline")
         check(Positive | None, focal_length, "stereo camera: focal_length")
         if focal_length is None:
-            check(Annotated[float, Gt(0), Lt(math.pi)], fov_y, "stereo camera: fov_y")
+            check(Annotated[Finite, Gt(0), Lt(math.pi)], fov_y, "stereo camera: fov_y")
             focal_length = 0.5 * height / math.tan(0.5 * fov_y)
         p_CL = (-baseline, 0.0, 0.0)
         right, left = (

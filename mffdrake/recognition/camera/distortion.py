@@ -67,5 +67,11 @@ class Distortion:
 
 def _least_positive(polynomial: np.poly1d) -> float:
     """The least positive root, or infinity."""
-    roots = [r.real for r in np.atleast_1d(polynomial.roots) if abs(r.imag) < 1e-9 and r.real > 0]
+    # The roots are found by a division by the first coefficient, which must not overflow.
+    coefficients = np.where(np.abs(polynomial.coeffs) < 1e-100, 0.0, polynomial.coeffs)
+    roots = [
+        r.real
+        for r in np.atleast_1d(np.poly1d(coefficients).roots)
+        if abs(r.imag) < 1e-9 and r.real > 0
+    ]
     return float(min(roots, default=math.inf))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig, Image
 from mffdrake.recognition.fitness.colors import ChannelOrder, ColorModel
-from mffdrake.recognition.parameters import NonNegative, Share, check, parameters
+from mffdrake.recognition.parameters import Finite, NonNegative, Share, check, parameters
 from mffdrake.recognition.solid.symmetry import find_symmetries
 from mffdrake.recognition.visibility.aspects import find_outlines, find_visibility
 from mffdrake.recognition.visibility.search_model import SearchModel
@@ -59,7 +59,7 @@ class MatchingParameters:
         (0.1, 0.62)
     """
 
-    hue_tolerance_deg: Annotated[float, Ge(0), Le(180)] = 20.0
+    hue_tolerance_deg: Annotated[Finite, Ge(0), Le(180)] = 20.0
     min_saturation: Share = 0.62
     min_value: Share = 0.2
     min_chroma: Share = 0.0

@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.genetic.local_moves import LocalMoves
-from mffdrake.recognition.parameters import Count, Interval, Share, parameters
+from mffdrake.recognition.parameters import Coordinate, Interval, Share, parameters
 
 if TYPE_CHECKING:
     from mffdrake.recognition.camera.cameras import Camera, CameraRig
@@ -55,9 +55,9 @@ class SearchRange:
         array([-0.2 ,  0.  ,  0.65, -0.5 , -0.5 , -0.5 ])
     """
 
-    x: Interval = (-0.150, 0.150)
-    y: Interval = (0.0, 0.300)
-    z: Interval = (0.650, 0.950)
+    x: tuple[Coordinate, Coordinate] = (-0.150, 0.150)
+    y: tuple[Coordinate, Coordinate] = (0.0, 0.300)
+    z: tuple[Coordinate, Coordinate] = (0.650, 0.950)
     eps1: Interval = (-0.5, 0.5)
     eps2: Interval = (-0.5, 0.5)
     eps3: Interval = (-0.5, 0.5)
@@ -215,12 +215,12 @@ class GeneticParameters:
         60
     """
 
-    population_size: Annotated[int, Ge(3)] = 60
+    population_size: Annotated[int, Ge(3), Le(100_000)] = 60
     survivor_share: Share = 0.25
     mutation_probability: Share = 0.02
     local_share: Share = 0.6
     newcomer_share: Share = 0.15
-    first_candidates: Count = 30
+    first_candidates: Annotated[int, Ge(1), Le(100_000)] = 30
     average_best: bool = True
 
     def __post_init__(self) -> None:

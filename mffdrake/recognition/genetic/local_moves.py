@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from annotated_types import Ge, Lt
+from annotated_types import Ge, Le, Lt
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.parameters import NonNegative, parameters
+from mffdrake.recognition.parameters import Finite, NonNegative, parameters
 
 if TYPE_CHECKING:
     from mffdrake.recognition.genetic.breeding import Moves
@@ -49,11 +49,11 @@ class LocalMoveParameters:
         True
     """
 
-    depth: NonNegative = 0.200
-    shift: NonNegative = 0.040
+    depth: Annotated[Finite, Ge(0), Le(1e3)] = 0.200
+    shift: Annotated[Finite, Ge(0), Le(1e3)] = 0.040
     rotation_deg: NonNegative = 34.0
-    decades: NonNegative = 2.0
-    sparsity: Annotated[float, Ge(0), Lt(1)] = 0.5
+    decades: Annotated[Finite, Ge(0), Le(100)] = 2.0
+    sparsity: Annotated[Finite, Ge(0), Lt(1)] = 0.5
 
 
 class LocalMoves:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
@@ -17,7 +17,7 @@ from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.genetic.starts import RandomStart, Start
-from mffdrake.recognition.parameters import Count, check_fields
+from mffdrake.recognition.parameters import Seed, check_fields
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import NoRefinement, Refiner
 
@@ -69,12 +69,12 @@ class OneStepGaTracker:
     coding: GeneCoding = field(default_factory=GeneCoding)
     parameters: GeneticParameters = field(default_factory=GeneticParameters)
     local_moves: LocalMoveParameters = field(default_factory=LocalMoveParameters)
-    generations_per_frame: Count = 1
+    generations_per_frame: Annotated[int, Ge(1), Le(10_000)] = 1
     start: Start = field(default_factory=RandomStart)
     refiner: Refiner = field(default_factory=NoRefinement)
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
-    seed: Annotated[int, Ge(0)] = 0
+    seed: Seed = 0
     algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

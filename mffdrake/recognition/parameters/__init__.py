@@ -11,35 +11,61 @@ A parameter is declared once, in the class that uses it, with its type, its rang
 """
 
 from mffdrake.recognition.parameters.checked import (
+    Coordinate,
     Count,
+    Duration,
     Finite,
     Interval,
+    Latency,
+    Length,
+    Limit,
     NonNegative,
+    Number,
     ParameterError,
+    Period,
+    Pixels,
+    Position,
     Positive,
     Seed,
     Share,
+    Text,
     Vector3,
     check,
     check_fields,
     parameters,
     read_parameters,
 )
-from mffdrake.recognition.parameters.messages import InputError, did_you_mean, unknown_key
+from mffdrake.recognition.parameters.messages import (
+    InputError,
+    did_you_mean,
+    shorten,
+    shown,
+    unknown_key,
+)
 from mffdrake.recognition.parameters.one_of import OneOf, choices, is_choice, kind_of, tag_of
 from mffdrake.recognition.parameters.plain_data import describe, merge, plain
 
 __all__ = [
+    "Coordinate",
     "Count",
+    "Duration",
     "Finite",
     "InputError",
     "Interval",
+    "Latency",
+    "Length",
+    "Limit",
     "NonNegative",
+    "Number",
     "OneOf",
     "ParameterError",
+    "Period",
+    "Pixels",
+    "Position",
     "Positive",
     "Seed",
     "Share",
+    "Text",
     "Vector3",
     "check",
     "check_fields",
@@ -52,6 +78,8 @@ __all__ = [
     "parameters",
     "plain",
     "read_parameters",
+    "shorten",
+    "shown",
     "tag_of",
     "unknown_key",
 ]

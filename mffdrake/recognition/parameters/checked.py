@@ -19,14 +19,24 @@ from pydantic_core import PydanticCustomError
 from mffdrake.recognition.parameters.messages import TAG, InputError, explain
 
 __all__ = [
+    "Coordinate",
     "Count",
+    "Duration",
     "Finite",
     "Interval",
+    "Latency",
+    "Length",
+    "Limit",
     "NonNegative",
+    "Number",
     "ParameterError",
+    "Period",
+    "Pixels",
+    "Position",
     "Positive",
     "Seed",
     "Share",
+    "Text",
     "Vector3",
     "check",
     "check_fields",
@@ -36,22 +46,43 @@ __all__ = [
 
 _T = TypeVar("_T")
 
-Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
-"""A finite number."""
-Positive = Annotated[float, Gt(0), pydantic.Field(allow_inf_nan=False)]
-"""A finite number above 0."""
-NonNegative = Annotated[float, Ge(0), pydantic.Field(allow_inf_nan=False)]
-"""A finite number from 0 on."""
-Share = Annotated[float, Ge(0), Le(1)]
+# Bounds far beyond all that makes sense, within which nothing overflows or takes for ever.
+Finite = Annotated[float, Ge(-1e9), Le(1e9), pydantic.Field(allow_inf_nan=False)]
+"""A number of any sign, up to 1e9."""
+Positive = Annotated[float, Gt(0), Ge(1e-9), Le(1e9), pydantic.Field(allow_inf_nan=False)]
+"""A number from 1e-9 to 1e9."""
+NonNegative = Annotated[float, Ge(0), Le(1e9), pydantic.Field(allow_inf_nan=False)]
+"""A number from 0 to 1e9."""
+Share = Annotated[float, Ge(0), Le(1), pydantic.Field(allow_inf_nan=False)]
 """A number from 0 to 1."""
-Count = Annotated[int, Ge(1)]
-"""A whole number from 1 on."""
+Limit = Annotated[float, Ge(0)]
+"""A number from 0 on, or infinity, that something must not exceed."""
+Count = Annotated[int, Ge(1), Le(10**6)]
+"""A whole number from 1 to a million."""
+Number = Annotated[int, Ge(0), Le(10**6)]
+"""A whole number from 0 to a million."""
+Pixels = Annotated[int, Ge(1), Le(16384)]
+"""The width or height of an image or of a part of one [px]."""
+Length = Annotated[float, Gt(0), Ge(1e-6), Le(1e3), pydantic.Field(allow_inf_nan=False)]
+"""A length from 1 micrometer to 1 km [m]."""
+Coordinate = Annotated[float, Ge(-1e3), Le(1e3), pydantic.Field(allow_inf_nan=False)]
+"""A coordinate within 1 km [m]."""
+Period = Annotated[float, Gt(0), Ge(1e-6), Le(1e3), pydantic.Field(allow_inf_nan=False)]
+"""A time between events from 1 microsecond to 1000 s [s]."""
+Duration = Annotated[float, Gt(0), Ge(1e-6), Le(1e6), pydantic.Field(allow_inf_nan=False)]
+"""A time from 1 microsecond to a million seconds [s]."""
+Latency = Annotated[float, Ge(0), Le(60), pydantic.Field(allow_inf_nan=False)]
+"""The age of something from 0 s to 60 s [s]."""
+Text = Annotated[str, pydantic.StringConstraints(pattern=r"^[^\x00]*$")]
+"""A text without the character 0, which ends texts elsewhere."""
 Seed = Annotated[int, Ge(0), Lt(2**63)]
 """Of random numbers."""
 Vector3 = tuple[Finite, Finite, Finite]
-"""Three finite numbers."""
+"""Three numbers of any sign."""
+Position = tuple[Coordinate, Coordinate, Coordinate]
+"""A position or a displacement within 1 km [m]."""
 Interval = tuple[Finite, Finite]
-"""Two finite numbers."""
+"""Two numbers of any sign."""
 
 
 class ParameterError(InputError, ValueError):
@@ -171,7 +202,11 @@ def read_parameters(cls: type[_T], data: Any, where: str = "") -> _T:
         unknown key 'deviations' in noise (did you mean 'deviation'?); known keys: deviation
     """
     try:
-        made: _T = _adapter(cast(Hashable, cls)).validate_json(json.dumps(data, default=_listed))
+        text = json.dumps(data, default=_listed)
+    except (RecursionError, ValueError) as error:  # ValueError: it holds itself.
+        raise ParameterError(f"{where}: nested too deeply".removeprefix(": ")) from error
+    try:
+        made: _T = _adapter(cast(Hashable, cls)).validate_json(text)
     except ValidationError as error:
         raise ParameterError(explain(error, where)) from error
     return made

@@ -18,6 +18,7 @@ from mffdrake.recognition.parameters.yaml_text import DumpYaml
 __all__ = ["commented_yaml", "json_schema"]
 
 _WIDTH = 100
+_WIDE = ((-1e9, 1e9), (1e-9, 1e9), (0, 1e9), (1, 10**6), (0, 10**6), (0, 2**63))  # of no use
 
 
 def json_schema(cls: type) -> dict[str, Any]:
@@ -71,7 +72,7 @@ def _describe(value: Any, indent: str) -> Iterator[str]:
         inner = getattr(value, key)
         if not indent:
             yield ""
-        yield from _comment(texts.get(key, ""), indent)
+        yield from _comment(f"{texts.get(key, '')}{_bounds(hints[key])}", indent)
         kinds = choices(hints[key])
         if dc.is_dataclass(inner) and not is_choice(hints[key]) and len(kinds) == 1:
             yield f"{indent}{key}:"
@@ -82,6 +83,22 @@ def _describe(value: Any, indent: str) -> Iterator[str]:
             name = f"{tag}{_form(kind)}" if dc.fields(kind) else kind_of(kind)
             yield from _comment(f"{name}: {_first_paragraph(kind)}", indent, "  ")
         yield f"{indent}{key}: {_flow(data)}"
+
+
+def _bounds(hint: Any) -> str:
+    """The least and the greatest value of a number, or of each of a list's, in words."""
+    if choices(hint):
+        return ""
+    schema = pydantic.TypeAdapter(hint).json_schema()
+    schema = next(iter(schema.get("anyOf", [schema])))  # The other one is null.
+    for part in (schema.get("items"), *schema.get("prefixItems", ())):
+        schema = part if isinstance(part, dict) else schema
+    least = max((schema[k] for k in ("minimum", "exclusiveMinimum") if k in schema), default=None)
+    most = min((schema[k] for k in ("maximum", "exclusiveMaximum") if k in schema), default=None)
+    if least is None or most is None or (least, most) in _WIDE:
+        return ""
+    below = "below " if schema.get("exclusiveMaximum") == most else ""
+    return f" From {least:g} to {below}{most:g}."
 
 
 def _form(kind: Any) -> str:

@@ -8,19 +8,58 @@ from typing import Any
 
 from pydantic import ValidationError
 
-__all__ = ["TAG", "InputError", "did_you_mean", "explain", "unknown_key"]
+__all__ = ["TAG", "InputError", "did_you_mean", "explain", "shorten", "shown", "unknown_key"]
+
+_LONG = 100  # characters of a value
+_LONGEST = 1500  # characters of a message
 
 
 class InputError(Exception):
     """Something that whoever gave the input can mend; the message is one line for that person."""
+
+    def __str__(self) -> str:
+        """The message in one line; one that is too long to be read lacks its middle."""
+        text = "\\n".join(super().__str__().splitlines())
+        half = _LONGEST // 2
+        return text if len(text) <= _LONGEST else f"{text[:half]} ... {text[-half:]}"
 
 
 TAG = "_tag"
 """The key under which a mapping's tag is kept once YAML is read."""
 
 
+def shown(value: object) -> str:
+    """A value as messages show it: as Python writes it, but no more than the first of it.
+
+    Args:
+        value: Anything.
+
+    Example:
+        >>> shown("long"), len(shown(list(range(10_000))))
+        ("'long'", 103)
+    """
+    if isinstance(value, tuple):
+        value = list(value)
+    if isinstance(value, dict) and isinstance(value.get(TAG), str):
+        items = {key: item for key, item in value.items() if key != TAG}
+        text = f"{value[TAG]} {items}"
+    else:
+        try:
+            text = repr(value)
+        except ValueError:  # Python does not write out whole numbers of thousands of digits.
+            text = "a number of thousands of digits"
+    return shorten(text)
+
+
+def shorten(text: str) -> str:
+    """A text that stands in a message; of a long one, the first of it."""
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
+
+
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """The nearest right name in brackets; nothing where none is near."""
+    if isinstance(given, str) and len(given) > _LONG:
+        return ""
     close = difflib.get_close_matches(str(given), list(known), n=1)
     return f" (did you mean '{close[0]}'?)" if close else ""
 
@@ -29,7 +68,7 @@ def unknown_key(key: object, known: Sequence[str], where: str = "") -> str:
     """What to say of a key that is not there, with the nearest right one."""
     place = f" in {where}" if where else ""
     names = ", ".join(known) or "none"
-    return f"unknown key '{key}'{place}{did_you_mean(key, known)}; known keys: {names}"
+    return f"unknown key {shown(str(key))}{place}{did_you_mean(key, known)}; known keys: {names}"
 
 
 def _one_of(context: dict[str, Any]) -> str:
@@ -45,6 +84,7 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
     "finite_number": lambda c: "must be finite",
     "greater_than": lambda c: "must be positive" if c["gt"] == 0 else f"must be above {c['gt']:g}",
     "greater_than_equal": lambda c: f"must be at least {c['ge']:g}",
+    "string_pattern_mismatch": lambda c: "must be a text without the character \\0",
     "less_than": lambda c: f"must be below {_number(c['lt'])}",
     "less_than_equal": lambda c: f"must be at most {c['le']:g}",
     "literal_error": _one_of,
@@ -61,6 +101,11 @@ _WORDS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def _least(context: dict[str, Any]) -> str:
     return str(context.get("length", f"at least {context.get('min_length')}"))
+
+
+def _IsTiny(least: float | None) -> bool:
+    """Whether a lower bound is there to keep numbers above 0."""
+    return least is not None and 0 < least <= 1e-3
 
 
 def _number(value: float) -> str:
@@ -99,15 +144,8 @@ def explain(error: ValidationError, where: str = "") -> str:
     if kind == "value_error":
         text = str(context["error"])
         return f"{key}: {text}" if key else text
+    if _IsTiny(context.get("ge")) and not first["input"] > 0:
+        kind, context = "greater_than", {"gt": 0}  # That says it, too.
     rule = _WORDS[kind](context) if kind in _WORDS else first["msg"]
-    value = "" if kind == "missing" else f", not {_shown(first['input'])}"
+    value = "" if kind == "missing" else f", not {shown(first['input'])}"
     return f"{key} {rule}{value}".lstrip()
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        value = list(value)
-    if isinstance(value, dict) and TAG in value:
-        items = {key: item for key, item in value.items() if key != TAG}
-        return f"{value[TAG]} {items}"
-    return repr(value)

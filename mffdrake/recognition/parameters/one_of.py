@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from mffdrake.recognition.parameters.messages import TAG, did_you_mean
+from mffdrake.recognition.parameters.messages import TAG, did_you_mean, shown
 
 __all__ = ["OneOf", "choices", "is_choice", "kind_of", "required_parameters", "tag_of"]
 
@@ -60,7 +60,7 @@ class OneOf:
         def choose(value: Any) -> str | None:
             if isinstance(value, Mapping):
                 tag = value.get(self.TAG, None if value else empty)
-                return tag if tag in by_tag else None
+                return tag if isinstance(tag, str) and tag in by_tag else None
             if isinstance(value, str):
                 return "!" if value in by_name else None
             return tag_of(type(value)) if type(value) in kinds else None
@@ -69,7 +69,7 @@ class OneOf:
             if choose(value) is None:
                 given = value.get(self.TAG, value) if isinstance(value, Mapping) else value
                 hint = did_you_mean(given, [*by_tag, *by_name])
-                text = f"must be one of {', '.join([*by_name, forms])}, not {given!r}{hint}"
+                text = f"must be one of {', '.join([*by_name, forms])}, not {shown(given)}{hint}"
                 raise PydanticCustomError("one_of", "{text}", {"text": text})
             return value
 

@@ -18,6 +18,7 @@ __all__ = ["AngleAxisDeg", "Identity", "RpyDeg"]
 Array = NDArray[np.float64]
 
 _DEG = math.pi / 180.0
+_SHORTEST = 1e-9  # of an axis
 
 
 @parameters
@@ -81,8 +82,8 @@ class AngleAxisDeg:
 
     def __post_init__(self) -> None:
         """Checks the axis."""
-        if not any(self.axis):
-            raise ValueError("axis must not be zero")
+        if math.hypot(*self.axis) < _SHORTEST:
+            raise ValueError(f"axis must not be zero, nor shorter than {_SHORTEST:g}")
 
     def CalcMatrix(self) -> Array:
         """The rotation matrix, shape (3, 3)."""

@@ -8,18 +8,19 @@ from typing import Any, ClassVar
 
 import yaml
 
-from mffdrake.recognition.parameters import OneOf, ParameterError
+from mffdrake.recognition.parameters import OneOf, ParameterError, shorten, shown
 
 __all__ = ["DumpYaml", "ReadYaml"]
 
+_MOST_LEVELS = 50
+_MOST_DIGITS = 300
+_MOST_VALUES = 100_000
+
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Keeps tags, takes 1e-3 for a number and a date for a text, and refuses a key twice."""
+    """Keeps tags, and takes only what everybody does for numbers, true, false and null."""
 
-    yaml_implicit_resolvers: ClassVar = {
-        first: [pair for pair in pairs if not pair[0].endswith(":timestamp")]
-        for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
@@ -31,11 +32,16 @@ class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[mi
 
 
 def _Mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    names = [key.value for key, _ in node.value]
-    for name in names:
-        if names.count(name) > 1:
-            raise ParameterError(f"the key '{name}' stands there twice")
+    names = set()
+    for key, _ in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            raise ParameterError(f"{_Place(key.start_mark)}a key must be a text")
+        if key.value in names:
+            raise ParameterError(f"the key {shown(key.value)} stands there twice")
+        names.add(key.value)
     mapping: dict[Any, Any] = loader.construct_mapping(node, deep=True)
+    if not isinstance(mapping.get(OneOf.TAG, ""), str):
+        raise ParameterError(f"a tag such as !Rpy must be a text, not {shown(mapping[OneOf.TAG])}")
     return mapping
 
 
@@ -45,7 +51,7 @@ def _Tagged(loader: _Loader, suffix: str, node: yaml.Node) -> Any:
         return {OneOf.TAG: tag, **_Mapping(loader, node)}
     if isinstance(node, yaml.ScalarNode) and not node.value:
         return {OneOf.TAG: tag}
-    raise ParameterError(f"{tag} must be followed by a mapping such as {{key: value}}")
+    raise ParameterError(f"{shown(tag)[1:-1]} must be followed by a mapping such as {{key: value}}")
 
 
 def _RepresentMapping(dumper: _Dumper, data: Mapping[str, Any]) -> yaml.Node:
@@ -55,14 +61,35 @@ def _RepresentMapping(dumper: _Dumper, data: Mapping[str, Any]) -> yaml.Node:
     return node
 
 
-# YAML 1.1, which PyYAML reads, takes 1e-3 and 1E5 for texts, everybody else for numbers.
-for _either in (_Loader, _Dumper):
-    _either.add_implicit_resolver(
-        "tag:yaml.org,2002:float",
-        re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
-        list("-+0123456789"),
-    )
+def _WholeNumber(loader: _Loader, node: yaml.ScalarNode) -> int:
+    if len(node.value) > _MOST_DIGITS:
+        raise ParameterError(
+            f"{_Place(node.start_mark)}a number must have at most {_MOST_DIGITS} digits, not "
+            f"{len(node.value)}"
+        )
+    return int(node.value)
+
+
+# As YAML 1.2 and JSON have them. YAML 1.1, which PyYAML reads, takes yes for true, 1:30 for 90,
+# 010 for 8, 1_000 and +1 for numbers, and 1e-3 for a text.
+_IMPLICIT = {
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "bool": ("true|True|TRUE|false|False|FALSE", list("tTfF")),
+    "int": ("-?(?:0|[1-9][0-9]*)", list("-0123456789")),
+    "float": (
+        r"-?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+        r"|-?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        list("-.0123456789"),
+    ),
+    "merge": ("<<", ["<"]),
+}
+for _either in (_Loader, _Dumper):  # What is read as a number must be written as a text in quotes.
+    for _kind, (_form, _first) in _IMPLICIT.items():
+        _either.add_implicit_resolver(
+            f"tag:yaml.org,2002:{_kind}", re.compile(rf"^(?:{_form})$"), _first
+        )
 _Loader.add_constructor("tag:yaml.org,2002:map", _Mapping)
+_Loader.add_constructor("tag:yaml.org,2002:int", _WholeNumber)
 _Loader.add_multi_constructor("!", _Tagged)
 _Dumper.add_representer(dict, _RepresentMapping)
 
@@ -77,24 +104,90 @@ def ReadYaml(text: str) -> dict[str, Any]:
         The mapping; empty for an empty text.
 
     Raises:
-        ParameterError: When it is not YAML, not a mapping, or has a key twice.
+        ParameterError: When it is not YAML, not a mapping, or has a key twice; when it is nested
+            too deeply, or has a tag of YAML's own such as ``!!int``.
 
     Example:
         >>> ReadYaml("{refinement: !Borders {window: 8}, seed: 1e3}")
         {'refinement': {'_tag': '!Borders', 'window': 8}, 'seed': 1000.0}
     """
     try:
-        data = yaml.load(text, _Loader)
+        data = _Construct(text, _CheckEvents(text))
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        problem = " ".join(str(getattr(error, "problem", error)).split())
+        where = _Place(getattr(error, "problem_mark", None))
+        problem = shorten(" ".join(str(getattr(error, "problem", error)).split()))
         raise ParameterError(f"not YAML: {where}{problem}") from error
+    except UnicodeError as error:
+        raise ParameterError("not YAML: not a text in UTF-8") from error
     if data is None:
         return {}
     if not isinstance(data, dict):
-        raise ParameterError(f"must be a mapping such as 'seed: 3', not {data!r}")
+        raise ParameterError(f"must be a mapping such as 'seed: 3', not {shown(data)}")
     return data
+
+
+def _Place(mark: Any) -> str:
+    """What messages begin with."""
+    return f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+
+
+def _CheckEvents(text: str) -> bool:
+    """Checks tags, and levels before anything goes down them; tells whether there are aliases."""
+    depth, has_aliases = 0, False
+    for event in yaml.parse(text, _Loader):
+        tag = getattr(event, "tag", None) or ""
+        if tag.startswith("tag:"):
+            name = shown(tag.replace("tag:yaml.org,2002:", "!!"))[1:-1]
+            raise ParameterError(
+                f"{_Place(event.start_mark)}{name} is no tag that is known here; write the value "
+                "without it"
+            )
+        has_aliases = has_aliases or isinstance(event, yaml.AliasEvent)
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MOST_LEVELS:
+            raise ParameterError(
+                f"{_Place(event.start_mark)}nested too deeply; {_MOST_LEVELS} levels of lists and "
+                "mappings are the most"
+            )
+    return has_aliases
+
+
+def _Construct(text: str, has_aliases: bool) -> Any:
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        if has_aliases:
+            _Size(node, {})
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _Size(node: yaml.Node, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
+    """The numbers of values and of levels, with those of an alias where it stands.
+
+    Loading shares what an alias stands for. Whatever goes through the values does not.
+    """
+    if isinstance(node, yaml.ScalarNode):
+        return 1, 0
+    if id(node) not in known:
+        known[id(node)] = (0, _MOST_LEVELS)  # until it is known: it is too deep within itself
+        items = node.value
+        if isinstance(node, yaml.MappingNode):
+            items = [item for pair in node.value for item in pair]
+        sizes = [_Size(item, known) for item in items]
+        values = 1 + sum(number for number, _ in sizes)
+        levels = 1 + max((number for _, number in sizes), default=0)
+        if values > _MOST_VALUES or levels > _MOST_LEVELS:
+            raise ParameterError(
+                f"{_Place(node.start_mark)}aliases make more than {_MOST_VALUES} values or "
+                f"{_MOST_LEVELS} levels of it; write fewer of them"
+            )
+        known[id(node)] = values, levels
+    return known[id(node)]
 
 
 def DumpYaml(data: Any, *, flow: bool | None = None) -> str:

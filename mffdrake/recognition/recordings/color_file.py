@@ -19,6 +19,8 @@ from mffdrake.recognition.parameters import (
     ParameterError,
     parameters,
     read_parameters,
+    shorten,
+    shown,
 )
 from mffdrake.recognition.parameters.yaml_text import DumpYaml, ReadYaml
 from mffdrake.recognition.poses.pose import transform_from_pose
@@ -71,9 +73,11 @@ def LoadColors(path: Path | str) -> ColorModel:
         gates = {f.name: f.default for f in dc.fields(ColorModel) if f.name != "colors"}
         for key, value in data.items():
             if key != "colors" and key not in gates:
-                raise ParameterError(f"unknown key '{key}'; known keys: colors, {', '.join(gates)}")
+                raise ParameterError(
+                    f"unknown key {shown(key)}; known keys: colors, {', '.join(gates)}"
+                )
             if key in gates and type(value) not in (int, float):
-                raise ParameterError(f"{key} must be a number, not {value!r}")
+                raise ParameterError(f"{key} must be a number, not {shown(value)}")
         colors = data.get("colors")
         if not isinstance(colors, dict) or not colors:
             raise ParameterError(
@@ -82,7 +86,7 @@ def LoadColors(path: Path | str) -> ColorModel:
             )
         faces = []
         for name, keys in colors.items():
-            where = f"colors.{name}"
+            where = f"colors.{shorten(str(name))}"
             color = read_parameters(_ColorKeys, keys, where)
             hue, tolerance = color.hue_deg, color.tolerance_deg
             faces.append(FaceColor(str(name), math.radians(hue), math.radians(tolerance)))

@@ -17,9 +17,12 @@ from mffdrake.recognition.parameters import (
     InputError,
     OneOf,
     ParameterError,
+    Text,
     Vector3,
     parameters,
     read_parameters,
+    shorten,
+    shown,
     unknown_key,
 )
 from mffdrake.recognition.parameters.rotations import AngleAxisDeg, Identity, RpyDeg
@@ -81,7 +84,7 @@ class _DistortionKeys:
 class _CameraKeys:
     """The keys of a camera."""
 
-    calibration: str | None = None
+    calibration: Text | None = None
     width: int | None = None
     height: int | None = None
     fx: float | None = None
@@ -202,17 +205,17 @@ def _ReadCameras(text: str) -> dict[str, Any]:
     if not isinstance(cameras, dict) or not cameras or "_tag" in cameras:
         raise RigError(
             "cameras must be a mapping from each camera's name to its keys "
-            f"{', '.join(field.name for field in dc.fields(_CameraKeys))}, not {cameras!r}"
+            f"{', '.join(field.name for field in dc.fields(_CameraKeys))}, not {shown(cameras)}"
         )
     for name in cameras:
         if type(name) not in (str, int) or not str(name).strip():
-            raise RigError(f"a camera's name in cameras must be a text, not {name!r}")
+            raise RigError(f"a camera's name in cameras must be a text, not {shown(name)}")
     return {str(name): keys for name, keys in cameras.items()}
 
 
 def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
     """A camera from its keys and values."""
-    where = f"cameras.{name}"
+    where = f"cameras.{shorten(name)}"
     if not isinstance(data, dict) or "_tag" in data:
         raise RigError(f"{where} must be a mapping with the key calibration, or {_ALL_NUMBERS}")
     data = {key: value for key, value in data.items() if value is not None}
@@ -242,7 +245,7 @@ def _ReadCamera(folder: Path, name: str, data: Any) -> _Placed:
 
 def _FromFile(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
     """A camera from its calibration file."""
-    where = f"cameras.{name}"
+    where = f"cameras.{shorten(name)}"
     both = [key for key in (*_NUMBERS, "distortion") if getattr(keys, key) is not None]
     if both:
         raise RigError(

@@ -17,7 +17,7 @@ from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images, Matcher
-from mffdrake.recognition.parameters import Count, NonNegative, Share, parameters
+from mffdrake.recognition.parameters import Finite, Limit, NonNegative, Share, parameters
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.poses.pose_motion import quaternion_rate_matrix
 from mffdrake.recognition.refinement.outcome import Outcome
@@ -77,24 +77,24 @@ class RefinementParameters:
 
     kind: ClassVar[str] = "borders"
 
-    window: Count = 8
-    fine_window: Count = 3
-    coarse_spacing: Count = 4
-    blend: Count = 2
+    window: Annotated[int, Ge(1), Le(1000)] = 8
+    fine_window: Annotated[int, Ge(1), Le(1000)] = 3
+    coarse_spacing: Annotated[int, Ge(1), Le(1000)] = 4
+    blend: Annotated[int, Ge(1), Le(1000)] = 2
     end_margin: NonNegative = 4.0
     min_cosine: Share = 0.05
-    min_contrast: Annotated[float, Ge(1)] = 30.0
+    min_contrast: Annotated[Finite, Ge(1), Le(1e9)] = 30.0
     max_mismatch: Share = 0.15
-    min_borders: Annotated[int, Ge(6)] = 40
-    border_error: Annotated[float, Ge(1e-6)] = 0.03
+    min_borders: Annotated[int, Ge(6), Le(10**6)] = 40
+    border_error: Annotated[Finite, Ge(1e-6), Le(1e9)] = 0.03
     edge_error: NonNegative = 0.01
     min_trusted: Share = 0.5
-    max_residual: Annotated[float, Ge(0)] = 4.0
+    max_residual: Limit = 4.0
     min_fitness: Share = 0.15
-    max_position_std: Annotated[float, Ge(0)] = 0.002
-    max_rotation_std_deg: Annotated[float, Ge(0)] = 1.0
-    max_shift: Annotated[float, Ge(0)] = 0.030
-    max_turn_deg: Annotated[float, Ge(0), Le(180)] = 10.0
+    max_position_std: Limit = 0.002
+    max_rotation_std_deg: Limit = 1.0
+    max_shift: Limit = 0.030
+    max_turn_deg: Annotated[Finite, Ge(0), Le(180)] = 10.0
     fitness_tolerance: Share = 0.05
 
     def __post_init__(self) -> None:
@@ -332,10 +332,9 @@ class BorderRefiner:
             return Outcome.TOO_FEW_INLIERS
         if result.residual > p.max_residual * expected:
             return Outcome.LARGE_RESIDUAL
-        if not (
-            variances[:3].sum() <= p.max_position_std**2
-            and variances[3:].sum() <= math.radians(p.max_rotation_std_deg) ** 2
-        ):
+        far, wide = p.max_position_std, math.radians(p.max_rotation_std_deg)
+        # Products overflow to infinity, powers to an error.
+        if not (variances[:3].sum() <= far * far and variances[3:].sum() <= wide * wide):
             return Outcome.UNCERTAIN
         shift = np.linalg.norm(result.pose[:3] - given[:3])
         turn = float(rotation_angle(result.pose[3:], given[3:]))

@@ -6,17 +6,16 @@ import dataclasses as dc
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images
 from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.starts import ColoredStart
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
-from mffdrake.recognition.parameters import Count, NonNegative, check, parameters
+from mffdrake.recognition.parameters import Count, NonNegative, Number, check, parameters
 from mffdrake.recognition.poses.pose import rotation_angle
 from mffdrake.recognition.refinement.refinement import NoRefinement
 from mffdrake.recognition.solid.symmetry import find_turns, turn_about_middle
@@ -59,7 +58,7 @@ class SearchParameters:
     patience: Count = 20
     progress: NonNegative = 0.005
     turn_every: Count = 4
-    polish: Annotated[int, Ge(0)] = 40
+    polish: Number = 40
     agreement: Count = 3
     same_position: NonNegative = 0.1
     same_rotation_deg: NonNegative = 10.0

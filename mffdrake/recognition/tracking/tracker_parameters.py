@@ -6,6 +6,7 @@ import dataclasses as dc
 from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from mffdrake.recognition.acquisition.acquisition import AcquisitionParameters, NoAcquisition
@@ -17,14 +18,7 @@ from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticParameters, 
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters
 from mffdrake.recognition.genetic.starts import NearStart, RandomStart, Start
 from mffdrake.recognition.genetic.tracker import OneStepGaTracker
-from mffdrake.recognition.parameters import (
-    Count,
-    NonNegative,
-    OneOf,
-    merge,
-    parameters,
-    read_parameters,
-)
+from mffdrake.recognition.parameters import Finite, OneOf, Share, merge, parameters, read_parameters
 from mffdrake.recognition.parameters.yaml_text import ReadYaml
 from mffdrake.recognition.refinement.refinement import (
     BorderRefiner,
@@ -36,6 +30,9 @@ from mffdrake.recognition.tracking.robust_tracker import RobustTracker
 from mffdrake.recognition.visibility.search_model import SamplingParameters, SearchModel
 
 __all__ = ["TrackerParameters"]
+
+
+_Spread = Annotated[Finite, Ge(0), Le(1e3)]
 
 
 @parameters
@@ -67,16 +64,16 @@ class TrackerParameters(GeneticParameters, GeneCoding):
         8
     """
 
-    generations_per_frame: Count = 1
+    generations_per_frame: Annotated[int, Ge(1), Le(10_000)] = 1
     refinement: Annotated[NoRefinement | RefinementParameters, OneOf()] = dc.field(
         default_factory=NoRefinement
     )
     acquisition: Annotated[NoAcquisition | AcquisitionParameters, OneOf()] = dc.field(
         default_factory=AcquisitionParameters
     )
-    white_balance_rate: NonNegative = 0.0
+    white_balance_rate: Share = 0.0
     start: Literal["random", "near_target"] = "random"
-    start_spread: tuple[NonNegative, NonNegative] = NearStart.spread
+    start_spread: tuple[_Spread, _Spread] = NearStart.spread
     sampling: SamplingParameters = dc.field(default_factory=SamplingParameters)
     matching: MatchingParameters = dc.field(default_factory=MatchingParameters)
     local_moves: LocalMoveParameters = dc.field(default_factory=LocalMoveParameters)

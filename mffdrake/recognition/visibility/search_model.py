@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import MinLen
+from annotated_types import Ge, Le, MinLen
 from numpy.typing import NDArray
 
-from mffdrake.recognition.parameters import Count, ParameterError, Positive, parameters
+from mffdrake.recognition.parameters import Length, ParameterError, parameters
 from mffdrake.recognition.solid import surface
 from mffdrake.recognition.solid.solid_model import SolidModel
 
@@ -50,10 +50,10 @@ class SamplingParameters:
         216
     """
 
-    spacing: Positive = 0.020
-    min_cells: Count = 5
-    margin: Positive | None = 0.0015
-    strip_offsets: Annotated[tuple[Positive, ...], MinLen(1)] = (0.0015, 0.006, 0.020)
+    spacing: Length = 0.020
+    min_cells: Annotated[int, Ge(1), Le(100)] = 5
+    margin: Length | None = 0.0015
+    strip_offsets: Annotated[tuple[Length, ...], MinLen(1)] = (0.0015, 0.006, 0.020)
 
 
 class Sides(NamedTuple):

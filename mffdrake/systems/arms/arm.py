@@ -19,7 +19,7 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint, RevoluteJoint
 
-from mffdrake.recognition.parameters import Finite, parameters
+from mffdrake.recognition.parameters import Finite, Text, parameters
 from mffdrake.systems.arms.arm_joints import (
     POSE_SIZE,
     ArmError,
@@ -82,10 +82,10 @@ class ArmModel:
     """
 
     directives: tuple[dict[str, Any], ...] = _PA10_DIRECTIVES
-    model: str = "pa10"
-    hand_frame: str = "hand"
+    model: Text = "pa10"
+    hand_frame: Text = "hand"
     nominal_deg: tuple[Finite, ...] = (0.0, 30.0, 0.0, 90.0, 0.0, -30.0, 0.0)
-    held_joints: tuple[str, ...] = ("S3",)
+    held_joints: tuple[Text, ...] = ("S3",)
 
     @property
     def nominal_positions(self) -> NDArray[np.float64]:

@@ -56,7 +56,7 @@ def AddDelay(
     """
     timing = Timing() if timing is None else timing
     timing.CheckLatency(latency)
-    if latency == 0.0:
+    if timing.Tick(latency) == 0:
         return signal
     # Drake's delay changes in the event at a tick, which comes after that tick's other events have
     # seen it: one more tick. It begins with zeros, so it is given the deviation from the initial

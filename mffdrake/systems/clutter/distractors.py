@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 from pydrake.geometry import Box, Sphere
 
-from mffdrake.recognition.parameters import Count, Positive, Vector3, parameters
+from mffdrake.recognition.parameters import Duration, Length, Position, parameters
 from mffdrake.systems.clutter.moving_shapes import Color, MovingShape
 from mffdrake.systems.clutter.scene_clutter import Array, SceneClutter
 from mffdrake.systems.random_stream import RandomStream
@@ -40,11 +42,11 @@ class Distractors(SceneClutter):
         (0.8, 0.6, 0.1)
     """
 
-    number: Count = 6
-    size: Positive = 0.03
-    center: Vector3 = (0.0, 0.0, 0.3)
-    region: Vector3 = (0.8, 0.6, 0.1)
-    period: Positive = 5.0
+    number: Annotated[int, Ge(1), Le(1000)] = 6
+    size: Length = 0.03
+    center: Position = (0.0, 0.0, 0.3)
+    region: Position = (0.8, 0.6, 0.1)
+    period: Duration = 5.0
 
     def __post_init__(self) -> None:
         """Checks the region."""

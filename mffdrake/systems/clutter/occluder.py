@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 from pydrake.geometry import Box
 
-from mffdrake.recognition.parameters import NonNegative, Positive, Share, Vector3, parameters
+from mffdrake.recognition.parameters import (
+    Duration,
+    Finite,
+    NonNegative,
+    Position,
+    Share,
+    Vector3,
+    parameters,
+)
 from mffdrake.systems.clutter.moving_shapes import Color, MovingShape
 from mffdrake.systems.clutter.scene_clutter import Array, SceneClutter
 from mffdrake.systems.random_stream import RandomStream
 
 __all__ = ["Occluder"]
+
+
+_THINNEST = 1e-6  # m
+_SHORTEST = 1e-9  # of a direction
 
 
 @parameters
@@ -44,20 +58,23 @@ class Occluder(SceneClutter):
         [-0.5, 0.0, 0.25, 0.5]
     """
 
-    size: Vector3 = (0.06, 0.4, 0.01)
-    center: Vector3 = (0.0, 0.0, -0.3)
+    size: Position = (0.06, 0.4, 0.01)
+    center: Position = (0.0, 0.0, -0.3)
     direction: Vector3 = (1.0, 0.0, 0.0)
-    amplitude: NonNegative = 0.3
-    period: Positive = 5.0
+    amplitude: Annotated[Finite, Ge(0), Le(1e3)] = 0.3
+    period: Duration = 5.0
     start: NonNegative = 0.0
-    duration: Positive | None = None
+    duration: Duration | None = None
     grey: Share = 0.3
 
     def __post_init__(self) -> None:
         """Checks size and direction."""
-        if min(self.size) <= 0.0:
-            raise ValueError(f"size must be three positive numbers, not {list(self.size)}")
-        if not any(self.direction):
+        if min(self.size) < _THINNEST:
+            raise ValueError(
+                f"size must be three positive numbers, at least {_THINNEST:g} m, "
+                f"not {list(self.size)}"
+            )
+        if np.linalg.norm(self.direction) < _SHORTEST:
             raise ValueError("direction must be a vector other than 0, such as [1, 0, 0]")
 
     def CalcPlace(self, time: float) -> float:

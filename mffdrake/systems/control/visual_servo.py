@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import ArrayLike, NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
@@ -18,7 +16,7 @@ from pydrake.multibody.inverse_kinematics import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from mffdrake.recognition.parameters import NonNegative, Positive, parameters
+from mffdrake.recognition.parameters import NonNegative, Period, Positive, parameters
 from mffdrake.systems.callbacks import WeakCallback
 from mffdrake.systems.timing import Timing
 
@@ -52,10 +50,10 @@ class ServoParameters:
     gain: Positive = 3.0
     far_gain: Positive | None = None
     far_error: Positive = 0.02
-    velocity_share: Annotated[float, Ge(0)] = 1.0
+    velocity_share: NonNegative = 1.0
     max_acceleration: Positive = 10.0
     centering: NonNegative = 0.5
-    period: Positive = 0.005
+    period: Period = 0.005
 
     def CalcGain(self, error: float) -> float:
         """The gain at an error [m or rad].

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mffdrake.recognition.parameters import Finite, NonNegative, Positive, parameters
+from mffdrake.recognition.parameters import Duration, Finite, NonNegative, parameters
 from mffdrake.systems.disturbances.image_disturbance import Image, PixelDisturbance
 
 __all__ = ["Amplify", "Brightness", "CalcSwing", "ColorTemperature"]
@@ -54,7 +54,7 @@ class Brightness(PixelDisturbance):
 
     offset: Finite = 0.0
     amplitude: NonNegative = 0.5
-    period: Positive = 5.0
+    period: Duration = 5.0
 
     def __post_init__(self) -> None:
         """Checks the least gain."""
@@ -92,7 +92,7 @@ class ColorTemperature(PixelDisturbance):
 
     offset: Finite = 0.0
     amplitude: NonNegative = 0.3
-    period: Positive = 5.0
+    period: Duration = 5.0
 
     def __post_init__(self) -> None:
         """Checks the least gains."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 
-from mffdrake.recognition.parameters import Count, NonNegative, Positive, Share, parameters
+from mffdrake.recognition.parameters import Duration, NonNegative, Share, parameters
 from mffdrake.systems.disturbances.image_disturbance import Image, PixelDisturbance
 from mffdrake.systems.disturbances.image_memory import FrameDisturbance
 from mffdrake.systems.random_stream import RandomStream
@@ -29,7 +31,7 @@ class Black(PixelDisturbance):
     """
 
     starts: tuple[NonNegative, ...] = (1.0,)
-    duration: Positive = 0.2
+    duration: Duration = 0.2
 
     def Disturb(self, colors: Image, *, time: float, rng: np.random.Generator) -> Image:
         """Blackens, see `PixelDisturbance.Disturb`."""
@@ -53,7 +55,7 @@ class Frozen(FrameDisturbance):
     """
 
     start: NonNegative = 1.0
-    duration: Positive = 0.5
+    duration: Duration = 0.5
 
     def Shown(self, ticks: Sequence[int], stream: RandomStream, timing: Timing) -> Sequence[int]:
         """The present image or the last one delivered, see `FrameDisturbance.Shown`."""
@@ -101,7 +103,7 @@ class LateFrames(FrameDisturbance):
         [33]
     """
 
-    frames: Count = 1
+    frames: Annotated[int, Ge(1), Le(1000)] = 1
     probability: Share | None = None
 
     def Shown(self, ticks: Sequence[int], stream: RandomStream, timing: Timing) -> Sequence[int]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pydrake.systems.framework import LeafSystem
 
-from mffdrake.recognition.parameters import NonNegative, parameters
+from mffdrake.recognition.parameters import Latency, parameters
 from mffdrake.systems.disturbances.image_memory import FrameDisturbance
 from mffdrake.systems.random_stream import RandomStream
 from mffdrake.systems.timing import Timing
@@ -31,7 +31,7 @@ class MotionBlur(FrameDisturbance):
         (True, False)
     """
 
-    exposure: NonNegative = 0.010
+    exposure: Latency = 0.010
 
     def MakeSystem(self, stream: RandomStream, timing: Timing) -> LeafSystem:
         """Makes the system that blurs one camera's image.

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from mffdrake.recognition.parameters import NonNegative, Positive, Vector3, parameters
+from mffdrake.recognition.parameters import Duration, NonNegative, Position, Vector3, parameters
 from mffdrake.systems.target_motion.target_motion import Offset, OffsetMotion
 
 __all__ = ["AtRest", "Step", "Straight"]
@@ -40,7 +40,7 @@ class Step(OffsetMotion):
         [[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]]
     """
 
-    translation: Vector3 = (0.0, 0.1, 0.0)
+    translation: Position = (0.0, 0.1, 0.0)
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
     time: NonNegative = 1.0
 
@@ -68,10 +68,10 @@ class Straight(OffsetMotion):
         [0.0, 0.1, 0.2, 0.2]
     """
 
-    velocity: Vector3 = (0.0, 0.05, 0.0)
+    velocity: Position = (0.0, 0.05, 0.0)
     angular_velocity_deg: Vector3 = (0.0, 0.0, 0.0)
     start: NonNegative = 0.0
-    duration: Positive | None = None
+    duration: Duration | None = None
     then: Literal["stop", "reverse"] = "stop"
 
     def CalcOffset(self, time: float) -> Offset:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mffdrake.recognition.parameters import Finite, Positive, Vector3, parameters
+from mffdrake.recognition.parameters import Duration, Finite, Position, Vector3, parameters
 from mffdrake.systems.target_motion.target_motion import Offset, OffsetMotion
 
 __all__ = ["Sinusoids"]
@@ -31,9 +31,9 @@ class Sinusoids(OffsetMotion):
         array([0.  , 0.15, 0.  ])
     """
 
-    amplitude: Vector3 = (0.0, 0.15, 0.0)
+    amplitude: Position = (0.0, 0.15, 0.0)
     amplitude_deg: Vector3 = (0.0, 0.0, 0.0)
-    period: tuple[Positive, ...] = (10.0,)
+    period: tuple[Duration, ...] = (10.0,)
     phase_deg: tuple[Finite, ...] = (0.0,)
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from functools import cached_property
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import PiecewisePose
 
-from mffdrake.recognition.parameters import parameters
+from mffdrake.recognition.parameters import Text, parameters, shown
 from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.recordings.trajectory import LoadTrajectory
 from mffdrake.systems.arms.models import DescribeMissing
@@ -30,7 +30,7 @@ class TrajectoryFile(TargetMotion):
         ValueError: When the file cannot be read or its times do not increase.
     """
 
-    file: str
+    file: Text
 
     def __post_init__(self) -> None:
         """Reads the file, so that what is wrong with it is told at once."""
@@ -38,10 +38,12 @@ class TrajectoryFile(TargetMotion):
             trajectory = LoadTrajectory(self.file)
         except FileNotFoundError as error:
             raise ValueError(f"file: {DescribeMissing(self.file)}") from error
-        except (OSError, ValueError) as error:
+        except OSError as error:
+            raise ValueError(f"file: cannot read {shown(self.file)}: {error.strerror}") from error
+        except ValueError as error:
             raise ValueError(f"file: {error}") from error
         times = trajectory.times
-        if len(times) < 2 or not (times[1:] > times[:-1]).all():
+        if len(times) < 2 or not (times[1:] - times[:-1] > 1e-9).all():
             raise ValueError(f"file: {self.file}: there must be two poses or more, in time's order")
 
     def CalcPose(self, X_WM0: RigidTransform, time: float) -> RigidTransform:

@@ -10,10 +10,13 @@ import numpy as np
 from annotated_types import MinLen
 from pydrake.trajectories import PiecewisePolynomial
 
-from mffdrake.recognition.parameters import NonNegative, Vector3, parameters
+from mffdrake.recognition.parameters import NonNegative, Position, Vector3, parameters, shown
 from mffdrake.systems.target_motion.target_motion import Offset, OffsetMotion
 
 __all__ = ["Waypoint", "Waypoints"]
+
+
+_SOONEST = 1e-6  # s, from point to point
 
 
 @parameters
@@ -32,7 +35,7 @@ class Waypoint:
     """
 
     time: NonNegative
-    translation: Vector3 = (0.0, 0.0, 0.0)
+    translation: Position = (0.0, 0.0, 0.0)
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
 
 
@@ -61,8 +64,11 @@ class Waypoints(OffsetMotion):
     def __post_init__(self) -> None:
         """Checks the times."""
         times = [point.time for point in self.points]
-        if any(later <= time for time, later in itertools.pairwise(times)):
-            raise ValueError(f"points must be in the order of their times, not at {times} s")
+        if any(later - time < _SOONEST for time, later in itertools.pairwise(times)):
+            raise ValueError(
+                f"points must be in the order of their times, at least {_SOONEST:g} s apart, not "
+                f"at {shown(times)} s"
+            )
 
     def CalcOffset(self, time: float) -> Offset:
         """See `OffsetMotion.CalcOffset`."""

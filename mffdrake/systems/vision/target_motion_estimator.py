@@ -7,7 +7,7 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
@@ -19,7 +19,7 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from mffdrake.recognition.parameters import Count, NonNegative, Positive, Share, parameters
+from mffdrake.recognition.parameters import Count, Finite, NonNegative, Positive, Share, parameters
 from mffdrake.recognition.poses.pose import pose_from_transform, skew, transform_from_pose
 from mffdrake.recognition.poses.pose_filter import (
     NUM_NUMBERS,
@@ -88,7 +88,7 @@ class EstimatorParameters:
     unrefined_factor: Positive = 40.0
     refined_factor: Positive = 1.5
     systematic: NonNegative = 0.15
-    gate: Annotated[float, Ge(1)] = 25.0
+    gate: Annotated[Finite, Ge(1), Le(1e9)] = 25.0
     patience: Count = 2
     lost_error: Positive = 0.2
 

@@ -91,7 +91,7 @@ def test_gates_may_be_left_out_and_numbers_be_whole(tmp_path):
         ),
         ("colors: {red: {hue_deg: .inf, tolerance_deg: 5}}", "colors.red.hue_deg must be finite"),
         (f"colors: {{{ONE}}}\nmin_value: dark", "min_value must be a number, not 'dark'"),
-        (f"colors: {{{ONE}}}\nmin_value: yes", "min_value must be a number, not True"),
+        (f"colors: {{{ONE}}}\nmin_value: true", "min_value must be a number, not True"),
         (f"colors: {{{ONE}}}\nmin_value: 30", "min_value must be at most 1, not 30"),
     ],
 )
