@@ -155,7 +155,8 @@ def test_joints_may_slide_then_nominal_is_in_meters(tmp_path):
         ),
         (
             {"directives": [{"add_model": {"name": "pa10"}}]},
-            r"Drake refuses the directives: (one lacks a name, a frame or a file|error: add_model: `file` must be non-empty).*",
+            r"Drake refuses the directives: (one lacks a name, a frame or a file|error: add_model: "
+            r"`file` must be non-empty).*",
         ),
         (
             {"directives": [PA10, {"add_weld": {"parent": "world", "child": "pa10::foot"}}]},
