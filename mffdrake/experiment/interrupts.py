@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 __all__ = ["CollectInterrupts", "Interrupted", "SignalsInterrupt"]
@@ -64,6 +66,7 @@ def SignalsInterrupt() -> Iterator[list[int]]:
     raised: list[int] = []
 
     def OnSignal(number: int, frame: FrameType | None) -> None:
+        _LeaveTerminal()
         waiting.append(number)
         End(number, frame)
 
@@ -103,6 +106,7 @@ def CollectInterrupts() -> Iterator[list[int]]:
     received: list[int] = []
 
     def OnSignal(number: int, frame: FrameType | None) -> None:
+        _LeaveTerminal()
         received.append(number)
         Restore()
 
@@ -122,6 +126,16 @@ def CollectInterrupts() -> Iterator[list[int]]:
 def _Heeded() -> list[int]:
     """The signals that are not ignored; handlers from outside of Python read as None."""
     return [n for n in _SIGNALS if signal.getsignal(n) not in (signal.SIG_IGN, None)]
+
+
+def _LeaveTerminal() -> None:
+    """Lets nothing be written to a terminal that is closed, as that would be an error."""
+    for stream in (1, 2):
+        with suppress(OSError):
+            if stat.S_ISCHR(os.fstat(stream).st_mode) and not os.isatty(stream):
+                nothing = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nothing, stream)
+                os.close(nothing)
 
 
 def _IsUnsafe(frame: FrameType | None) -> bool:

@@ -1,10 +1,13 @@
 """Ctrl-C, SIGTERM and SIGHUP: when they interrupt, and what a command does then."""
 
+import fcntl
 import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import termios
 
 import llvmlite.binding as llvm
 import pytest
@@ -103,19 +106,26 @@ LONG = ["--duration", "600", "--renderer", "flat", "--scenario-text",
         "camera: {width: 64, height: 48}"]  # fmt: skip
 
 
+def start(command, folder, **streams):
+    """A long simulation, which has begun."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mffdrake", command, *LONG, "--video", "video.mp4"],
+        cwd=folder, env=os.environ | {"TQDM_DISABLE": "1"}, **streams,
+    )  # fmt: skip
+
+    def begun():
+        assert process.poll() is None
+        return list(folder.glob(".*.mp4"))  # Its frames are added as they come.
+
+    wait_for(begun, "the video's first frame")
+    return process
+
+
 @pytest.mark.parametrize(("command", "number"), [("run", SIGNALS[1]), ("servo", SIGNALS[2])])
 def test_sigterm_and_sighup_keep_the_first_frames(command, number, tmp_path):
-    with subprocess.Popen(
-        [sys.executable, "-m", "mffdrake", command, *LONG, "--video", "video.mp4"],
-        cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        env=os.environ | {"TQDM_DISABLE": "1"},
-    ) as process:  # fmt: skip
-
-        def begun():
-            assert process.poll() is None, process.stderr.read()
-            return list(tmp_path.glob(".*.mp4"))  # Its frames are added as they come.
-
-        wait_for(begun, "the video's first frame")
+    with start(
+        command, tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
         process.send_signal(number)
         errors = process.stderr.read()
     assert process.returncode == 128 + number
@@ -124,3 +134,15 @@ def test_sigterm_and_sighup_keep_the_first_frames(command, number, tmp_path):
     result = SimulationResult.Load(tmp_path / "out" / "result.npz")
     assert len(result.time) == int(found[1]) < 600 / 0.033
     assert (tmp_path / "video.mp4").exists()
+
+
+def test_a_terminal_that_is_closed_keeps_the_first_frames_too(tmp_path):
+    master, terminal = pty.openpty()
+    process = start(
+        "run", tmp_path, stdin=terminal, stdout=terminal, stderr=terminal, start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )  # fmt: skip
+    os.close(terminal)
+    os.close(master)
+    assert process.wait() == 128 + signal.SIGHUP
+    assert len(SimulationResult.Load(tmp_path / "out" / "result.npz").time) > 0
