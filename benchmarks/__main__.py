@@ -18,17 +18,21 @@ STUDIES = {
 }
 """Name, which is its page's in docs/studies, too: its module, and what it measures."""
 
+CHECKS = {"kills": ("kills", "whether commands that are ended anywhere lose or break anything")}
+"""The same, without a page."""
+
 
 def main() -> int:
     """Runs the study that the command line names."""
     name, *options = sys.argv[1:] or ["--help"]
-    if name in STUDIES:
-        module, _ = STUDIES[name]
+    known = STUDIES | CHECKS
+    if name in known:
+        module, _ = known[name]
         sys.argv = [f"benchmarks {name}", *options]
         importlib.import_module(module).main()
         return 0
     print("python benchmarks NAME [--help]\n")
-    print("\n".join(f"  {name:<14}{measures}" for name, (_, measures) in STUDIES.items()))
+    print("\n".join(f"  {name:<14}{measures}" for name, (_, measures) in known.items()))
     return 0 if name in ("-h", "--help") else 2
 
 

@@ -78,7 +78,6 @@ def _run(*arguments, python=sys.executable, script=DEV, **variables):
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=120,
     )
 
 
@@ -161,13 +160,12 @@ def test_setup_survives_an_interrupt_and_happens_once(dev, tiny_project):
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 60
     while not (tiny_project / "started").exists():
-        assert process.poll() is None and time.monotonic() < deadline
+        assert process.poll() is None
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)  # Ctrl-C
     (tiny_project / "slow").unlink()
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate()
     assert process.returncode == 130
     assert "Traceback" not in stderr
     assert stderr.splitlines()[-1] == "dev.py: interrupted"

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -50,6 +51,14 @@ class Cluster:
         """Starts a worker, which is this very process: no nanny starts another in its place."""
         options = ["--nthreads", threads, "--no-nanny", "--local-directory", self._folder]
         return self._start("worker", self.address, *options)
+
+    def worker_address(self, worker):
+        """Where a worker listens, as its log says when it does."""
+        log = self._folder / f"worker{self.processes.index(worker)}.log"
+        found = worker_functions.wait_for(
+            lambda: re.search(r"Start worker at: +(tcp\S+)", log.read_text()), "the worker's start"
+        )
+        return found[1]
 
     def end(self):
         """Kills everything: there is nothing to be saved."""

@@ -157,6 +157,20 @@ def test_a_worker_that_dies_between_two_runs_costs_none():
     assert second.error is None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="has no server that starts workers elsewhere")
+def test_when_the_server_that_starts_workers_dies_another_is_started():
+    with LocalProcesses(1) as executor:
+        (first,) = executor.Run(work.process_id, [(0,)])
+        server = psutil.Process(first.value).parent()
+        assert server.ppid() == os.getpid()
+        server.kill()  # It may not have ended yet when the next workers are asked for.
+        outcomes = list(executor.Run(work.process_id, [(0,)]))
+        with LocalProcesses(1) as another:
+            outcomes += another.Run(work.process_id, [(0,)])
+    assert [outcome.error for outcome in outcomes] == [None, None]
+    assert outcomes[-1].value != first.value
+
+
 def test_no_process_is_left_when_the_runs_are_not_waited_for(tmp_path):
     executor = LocalProcesses(2)
     with executor:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import multiprocessing
 import os
 import re
 import signal
@@ -163,12 +164,6 @@ def test_a_second_call_runs_nothing_and_writes_the_same_report(short):
 
 
 def test_after_sigkill_the_same_command_goes_on(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mffdrake", *map(str, SHORT)], cwd=tmp_path,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=os.environ | NO_PROGRESS,
-    )  # fmt: skip
-
     def some():
         assert process.poll() is None, process.stderr.read()
         try:
@@ -176,10 +171,16 @@ def test_after_sigkill_the_same_command_goes_on(tmp_path):
         except sqlite3.OperationalError:  # The table is not there yet.
             return False
 
-    wait_for(some, "three runs")
-    children = psutil.Process(process.pid).children(recursive=True)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
+    with subprocess.Popen(
+        [sys.executable, "-m", "mffdrake", *map(str, SHORT)], cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | NO_PROGRESS,
+    ) as process:  # fmt: skip
+        try:
+            wait_for(some, "three runs")
+            children = psutil.Process(process.pid).children(recursive=True)
+        finally:
+            process.kill()
     wait_for(lambda: not any(child.is_running() for child in children), "the workers' end")
     before = stored(tmp_path / "out")
     assert not (tmp_path / "out" / "report.md").exists()
@@ -299,15 +300,13 @@ def test_rows_and_frames_are_what_simulating_by_hand_gives_also_when_a_worker_di
 
     def kill(one):
         if not killed:
-            for process in psutil.Process().children(recursive=True):
-                if "forkserver" in " ".join(process.cmdline()) and not process.children():
-                    process.kill()
-                    killed.append(process.pid)
-                    break
+            worker = multiprocessing.active_children()[0]
+            worker.kill()
+            killed.append(worker)
 
     base = LoadScenario(text=BASE)
     result = RunStudies([near], base, tmp_path, executor=LocalProcesses(2), on_run=kill)
-    assert killed
+    assert killed[0].exitcode == -signal.SIGKILL
     for run, row in zip(plan, result.rows, strict=True):
         expected = Simulate(run.scenario)
         assert row["rms"] == Evaluate(expected)["rms"]

@@ -7,7 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import psutil
@@ -358,13 +358,9 @@ def test_failed_runs_are_listed_and_the_status_is_1(folder):
     assert table["status"].to_pylist() == ["failed"] * 7
 
 
-def start_long_sweep(folder):
-    """A sweep that has kept some runs, and has many to go."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mffdrake", "sweep", "long.yaml", "--workers", "2"],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env=os.environ | NO_PROGRESS,
-    )  # fmt: skip
+@contextmanager
+def long_sweep(folder):
+    """A sweep that has kept some runs, and has many to go; with its children."""
     store = folder / "out" / "runs.sqlite"
 
     def some():
@@ -374,30 +370,39 @@ def start_long_sweep(folder):
         except sqlite3.OperationalError:  # The table is not there yet.
             return False
 
-    wait_for(some, "three runs")
-    return process
+    with subprocess.Popen(
+        [sys.executable, "-m", "mffdrake", "sweep", "long.yaml", "--workers", "2"],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | NO_PROGRESS,
+    ) as process:  # fmt: skip
+        try:
+            wait_for(some, "three runs")
+            children = psutil.Process(process.pid).children(recursive=True)
+            yield process
+            process.wait()
+            wait_for(lambda: not any(one.is_running() for one in children), "the workers' end")
+        finally:
+            process.kill()
 
 
-def test_ctrl_c_ends_it_with_status_130_and_the_rows_so_far(folder):
-    process = start_long_sweep(folder)
-    children = psutil.Process(process.pid).children(recursive=True)
-    process.send_signal(signal.SIGINT)
-    shown, errors = process.communicate()
-    assert process.returncode == 130
-    assert errors.splitlines() == ["mffdrake: interrupted"]
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_ctrl_c_and_its_like_end_it_with_the_rows_so_far(name, folder):
+    number = signal.Signals[name]
+    with long_sweep(folder) as process:
+        process.send_signal(number)
+        shown, errors = process.communicate()
+    assert process.returncode == 128 + number
+    by = "" if name == "SIGINT" else f" by {name}"
+    assert errors.splitlines() == [f"mffdrake: interrupted{by}"]
     assert shown == ""
     table = pyarrow.parquet.read_table(folder / "out" / "results.parquet")
     assert 3 <= len(table) < 24
     assert len(table) == len(stored(folder / "out"))
-    wait_for(lambda: not any(child.is_running() for child in children), "the workers' end")
 
 
 def test_after_sigkill_the_same_command_repeats_nothing_that_was_kept(folder):
-    process = start_long_sweep(folder)
-    children = psutil.Process(process.pid).children(recursive=True)
-    process.kill()
-    process.communicate()
-    wait_for(lambda: not any(child.is_running() for child in children), "the workers' end")
+    with long_sweep(folder) as process:
+        process.kill()
     before = stored(folder / "out")
     assert 3 <= len(before) < 24
     finished = mffdrake("sweep", "long.yaml", cwd=folder)

@@ -29,7 +29,6 @@ def _run(*command, **variables):
         env=os.environ | variables,
         capture_output=True,
         text=True,
-        timeout=60,
     )
 
 

@@ -11,6 +11,7 @@ work.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import logging
 import os
@@ -44,7 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit status: 0, 1 when runs of a sweep or a reproduction failed or something needed is
-        missing (doctor), 2 after a message on bad input, or 130 after an interrupt.
+        missing (doctor), 2 after a message on bad input, or 130 after an interrupt (143 after
+        SIGTERM, 129 after SIGHUP).
     """
     parser = MakeParser()
     if "_ARGCOMPLETE" in os.environ:  # A shell asks how a line may go on.
@@ -57,11 +59,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
     # Drake takes a moment to load. An interrupt in the midst of that would come out as an import
     # error, so it ends the process as if there was none.
-    on_interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    on_interrupt = signal.getsignal(signal.SIGINT)
+    if on_interrupt is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _NeedsWorkers(options):  # They load in the background what this process loads, too.
         PrepareWorkers()
-    from mffdrake.experiment.commands.options.arguments import CheckFiles
-    from mffdrake.recognition.parameters import InputError, shorten
+    from mffdrake.experiment.interrupts import SignalsInterrupt
 
     command = _Find(options.command)
     signal.signal(signal.SIGINT, on_interrupt)
@@ -69,6 +72,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         logging.getLogger(name).setLevel(
             logging.INFO if getattr(options, "verbose", False) else logging.WARNING
         )
+    with SignalsInterrupt() as received:
+        return _Call(command, options, received)
+
+
+def _Call(
+    command: Callable[[argparse.Namespace], int], options: argparse.Namespace, received: list[int]
+) -> int:
+    """Calls a command, and tells what is wrong in a line; returns the exit status."""
+    from mffdrake.experiment.commands.options.arguments import CheckFiles
+    from mffdrake.experiment.interrupts import Interrupted
+    from mffdrake.recognition.parameters import InputError, shorten
+
     try:
         CheckFiles(options)
         return command(options)
@@ -79,9 +94,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message = f"cannot use {name}: {error.strerror}" if name else f"{error.strerror or error}"
     except (InputError, WorkerDiedError) as error:
         message = str(error)
-    except KeyboardInterrupt:
-        print("mffdrake: interrupted", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as error:
+        received.append(getattr(error, "number", signal.SIGINT))
+    if received:  # Whatever it led to.
+        end = Interrupted(received[0])
+        with contextlib.suppress(OSError):  # The terminal may be gone.
+            print(f"mffdrake: {end}", file=sys.stderr)
+        return end.status
     print(f"mffdrake: error: {' '.join(message.split())}", file=sys.stderr)
     return 2
 

@@ -18,6 +18,7 @@ from mffdrake.experiment.paper.study import PlanRuns, RunStudies, Summarize
 from mffdrake.experiment.progress import RunBar
 from mffdrake.experiment.runs.compare import Compare, MakeVariants
 from mffdrake.experiment.runs.engine import PlannedRun
+from mffdrake.experiment.runs.executors import cluster
 from mffdrake.experiment.runs.executors.cluster import DaskCluster
 from mffdrake.experiment.runs.executors.executors import Executor, InProcess
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses, UsableCores
@@ -199,6 +200,9 @@ def _Begin(options: argparse.Namespace, folder: Path) -> None:
               "they stay there, and all is run anew", file=sys.stderr)  # fmt: skip
     if not options.verbose:
         logging.getLogger("mffdrake").setLevel(logging.ERROR)
+        logging.getLogger(cluster.__name__).setLevel(
+            logging.WARNING
+        )  # It says why nothing goes on.
 
 
 def _TellFailures(

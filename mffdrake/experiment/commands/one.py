@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -17,6 +16,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram
 
+from mffdrake.experiment.interrupts import CollectInterrupts, Interrupted
 from mffdrake.experiment.progress import TimeBar
 from mffdrake.experiment.runs.table import WriteJson
 from mffdrake.experiment.scenario.scenario import Scenario
@@ -50,14 +50,14 @@ class OneSimulation:
         diagram: The diagram.
         result: The record.
         images: The images of the last frame, one a camera.
-        interrupted: Whether it ended early, by request.
+        interrupted: Why it ended early, by request; None where it did not.
         problem: Why it ended early by itself; empty where it did not.
     """
 
     diagram: Diagram
     result: SimulationResult
     images: list[NDArray[np.uint8]]
-    interrupted: bool
+    interrupted: Interrupted | None
     problem: str = ""
 
     def Write(self, scenario: Scenario, folder: Path) -> dict[str, Any]:
@@ -79,10 +79,11 @@ class OneSimulation:
         if self.problem:
             print(f"mffdrake: error: {self.problem}", file=sys.stderr)
             return 2
-        if self.interrupted:
-            frames = len(self.result.time)
-            print(f"mffdrake: interrupted: these are the first {frames} frames", file=sys.stderr)
-        return 130 if self.interrupted else 0
+        if self.interrupted is None:
+            return 0
+        frames = len(self.result.time)
+        print(f"mffdrake: {self.interrupted}: these are the first {frames} frames", file=sys.stderr)
+        return self.interrupted.status
 
 
 def SimulateOne(
@@ -137,7 +138,7 @@ def _SimulateOnce(
 
     with ExitStack() as stack:
         show = stack.enter_context(TimeBar(scenario.duration))
-        interrupted = stack.enter_context(_Interrupt())
+        interrupted = stack.enter_context(CollectInterrupts())
         film = None
         if video is not None:
             film = stack.enter_context(_OpenFilm(scenario, diagram, Path(video)))
@@ -172,7 +173,11 @@ def _SimulateOnce(
             None
             if anew
             else OneSimulation(
-                diagram, result, images if ended else [], bool(interrupted), reach.message
+                diagram,
+                result,
+                images if ended else [],
+                Interrupted(interrupted[0]) if interrupted else None,
+                reach.message,
             )
         )
 
@@ -212,22 +217,6 @@ def _OpenFilm(scenario: Scenario, diagram: Diagram, path: Path) -> Iterator[_Fil
     """A film at the rate of the vision."""
     with MakeVideo(path, 1.0 / scenario.timing.vision_period) as add:
         yield _Film(scenario, diagram, add)
-
-
-@contextmanager
-def _Interrupt() -> Iterator[list[int]]:
-    """A list that an interrupt fills; a second interrupt works as ever."""
-    received: list[int] = []
-
-    def OnSignal(number: int, frame: object) -> None:
-        received.append(number)
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, OnSignal)
-    try:
-        yield received
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def WriteScenario(scenario: Scenario, folder: Path) -> None:

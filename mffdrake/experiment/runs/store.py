@@ -246,11 +246,15 @@ class RunStore:
                 try:
                     yield connection
                 except BaseException:
-                    connection.execute("ROLLBACK")
+                    with contextlib.suppress(sqlite3.Error):  # Where the disk is full, it has been.
+                        connection.execute("ROLLBACK")
                     raise
                 connection.execute("COMMIT")
         except sqlite3.Error as error:
-            raise StoreError(
-                f"{self._path}: cannot be used ({error}); if it is damaged or not a store of "
-                "runs, move it away or choose another folder with --out"
-            ) from error
+            help = (
+                "make room; the same command goes on from here"
+                if error.sqlite_errorcode == sqlite3.SQLITE_FULL
+                else "if it is damaged or not a store of runs, move it away or choose another "
+                "folder with --out"
+            )
+            raise StoreError(f"{self._path}: cannot be used ({error}); {help}") from error

@@ -23,7 +23,7 @@ def WholeFile(path: Path | str) -> Iterator[Path]:
         A path in the same folder, with the same suffix, to write to.
 
     Raises:
-        OSError: When the folder is missing or not writable.
+        OSError: When the folder is missing or not writable, or the disk full; it names the file.
 
     Example:
         >>> folder = Path(tempfile.mkdtemp())
@@ -50,6 +50,10 @@ def WholeFile(path: Path | str) -> Iterator[Path]:
         os.umask(umask)
         part.chmod(0o666 & ~umask)
         part.replace(path)
+    except OSError as error:
+        if error.errno is not None and error.filename in (None, name):
+            error.filename = str(path)
+        raise
     finally:
         part.unlink(missing_ok=True)
 

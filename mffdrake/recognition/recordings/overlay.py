@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -87,3 +88,21 @@ def MakeVideo(path: Path, rate: float) -> Iterator[Callable[[Image], None]]:
         finally:
             for writer in writers:
                 writer.release()
+        if writers and not _IsWhole(part):  # The writer does not say so.
+            raise OSError(f"cannot write a video to {path}: it is cut short; is the disk full?")
+
+
+def _IsWhole(path: Path) -> bool:
+    """Whether an MP4 file's boxes, the index among them, fill it to its end."""
+    names, begin, size = set(), 0, path.stat().st_size
+    with path.open("rb") as file:
+        while begin < size:
+            file.seek(begin)
+            length, name = struct.unpack(">I4s", file.read(8).ljust(8, b"\0"))
+            if length == 1:  # The length needs more room.
+                (length,) = struct.unpack(">Q", file.read(8).ljust(8, b"\0"))
+            if length < 8:
+                return False
+            names.add(name)
+            begin += length
+    return begin == size and b"moov" in names

@@ -5,6 +5,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 
 import cv2
 import numpy as np
@@ -317,7 +318,7 @@ def test_an_interrupt_keeps_what_was_tracked(tmp_path, recording):
         cwd=recording[0], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     while process.poll() is None and not (tmp_path / "out/overlay/000003.png").exists():
-        pass
+        time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate()
     assert process.returncode == 130, errors

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import logging
 import queue
 import socket
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from mffdrake.experiment.runs.executors.executors import Outcome, WorkerDiedError
 from mffdrake.recognition.parameters import InputError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    import distributed
+    from distributed import Client
 
 __all__ = ["ClusterError", "DaskCluster"]
 
@@ -76,10 +79,10 @@ class DaskCluster:
                 "a Dask cluster needs the package distributed; run: pip install 'mffdrake[cluster]'"
             ) from error
         # What it has to say about lost connections is said below, in one line.
-        for name in ("distributed", "distributed.client"):
+        for name in ("distributed", "distributed.client", "distributed.core"):
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         try:
-            self._RequireListener()
+            self._RequireScheduler()
             self._client = Client(self._address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError, NotImplementedError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
@@ -89,12 +92,27 @@ class DaskCluster:
             ) from error
         return self
 
-    def _RequireListener(self) -> None:
-        """Finds out at once whether nobody listens; the client would go on trying."""
+    def _RequireScheduler(self) -> None:
+        """Finds out soon who listens; the client would go on trying, or believe anything."""
         from distributed.comm.addressing import get_address_host_port
 
         with socket.create_connection(get_address_host_port(self._address), timeout=_PATIENCE):
             pass
+        answered: Future[str] = Future()
+        # A thread, as this one may have a loop that runs (a notebook's); it is not waited for.
+        threading.Thread(target=_AskKind, args=(self._address, answered), daemon=True).start()
+        try:
+            kind = answered.result()
+        except (ValueError, TypeError):  # of the address or the certificates
+            raise
+        except TimeoutError as error:
+            raise OSError(
+                f"something listens there, but has not answered within {_PATIENCE:g} s"
+            ) from error
+        except Exception as error:
+            raise OSError("something else answers there") from error
+        if kind != "Scheduler":
+            raise OSError(f"a Dask {kind.lower()} answers there")
 
     def __exit__(self, *reason: object) -> None:
         """Disconnects; the cluster forgets the runs that have not ended."""
@@ -107,37 +125,42 @@ class DaskCluster:
     ) -> Iterator[Outcome]:
         """See `Executor`."""
         assert self._client is not None, "DaskCluster: enter it before its first run"
-        ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        ended: queue.SimpleQueue[distributed.Future] = queue.SimpleQueue()
         futures = self._client.map(
             functools.partial(_InOneThread, function), list(arguments), pure=False
         )
         pending = {future.key: index for index, future in enumerate(futures)}
         while futures:  # The cluster forgets a run whose future is gone.
             futures.pop().add_done_callback(ended.put)
-        lonely = False
+        told = ""
         while pending:
             try:
                 future = ended.get(timeout=_CHECK_PERIOD)
             except queue.Empty:
-                self._RequireScheduler()
-                lonely = self._WarnWithoutWorkers(lonely)
+                self._RequireConnection()
+                told = self._TellTrouble(told)
                 continue
             if future.status in ("cancelled", "lost"):
-                self._RequireScheduler()
+                self._RequireConnection()
             yield _OutcomeOf(future, pending.pop(future.key))
 
-    def _WarnWithoutWorkers(self, warned: bool) -> bool:
-        """Says once, each time that it happens, why nothing goes on; returns whether it has."""
-        assert self._client is not None
-        lonely = not self._client.nthreads()
-        if lonely and not warned:
-            _log.warning(
-                "the Dask scheduler at '%s' has no workers; waiting for some to join ('dask worker "
-                "%s' starts one)", self._address, self._address,
-            )  # fmt: skip
-        return lonely
+    def _TellTrouble(self, told: str) -> str:
+        """Says once, each time that it happens, why nothing goes on; returns why."""
+        client, trouble = self._client, ""
+        assert client is not None
+        try:
+            if not client.sync(client.scheduler.ncores, callback_timeout=_PATIENCE):
+                trouble = (
+                    f"has no workers; waiting for some to join ('dask worker {self._address}' "
+                    "starts one)"
+                )
+        except TimeoutError:
+            trouble = f"has not answered for {_PATIENCE:g} s; waiting for it"
+        if trouble not in ("", told):
+            _log.warning("the Dask scheduler at '%s' %s", self._address, trouble)
+        return trouble
 
-    def _RequireScheduler(self) -> None:
+    def _RequireConnection(self) -> None:
         if self._client is None or self._client.status != "running":
             raise ClusterError(
                 f"the Dask scheduler at '{self._address}' is gone; when it is there again, the "
@@ -145,7 +168,27 @@ class DaskCluster:
             )
 
 
-def _OutcomeOf(future: Future, index: int) -> Outcome:
+def _AskKind(address: str, answered: Future[str]) -> None:
+    """Finds out what is at an address."""
+    from distributed.core import connect
+    from distributed.security import Security
+
+    async def Ask() -> str:
+        secrets = Security().get_connection_args("client")
+        connection = await connect(address, timeout=_PATIENCE, **secrets)
+        try:
+            await connection.write({"op": "identity", "reply": True})
+            return str((await connection.read())["type"])
+        finally:
+            connection.abort()
+
+    try:
+        answered.set_result(asyncio.run(asyncio.wait_for(Ask(), _PATIENCE)))
+    except BaseException as error:
+        answered.set_exception(error)
+
+
+def _OutcomeOf(future: distributed.Future, index: int) -> Outcome:
     from distributed import KilledWorker
 
     if future.status == "finished":

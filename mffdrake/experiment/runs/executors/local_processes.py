@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -33,6 +34,12 @@ _NO_START = (
     "the worker processes end as soon as they start; in a script, what starts them must stand "
     "below: if __name__ == '__main__':"
 )
+_NO_SERVER = (
+    "the process that starts the workers dies again and again, for lack of memory perhaps; what "
+    "has ended is kept"
+)
+# s; how long to wait for its end, which takes a moment, before another is started
+_PAUSES = (0.1, 0.4, 1.6, 6.4)
 _STARTED = b"started"
 _PRELOADED = [
     "mffdrake.experiment.simulation.simulation",
@@ -46,8 +53,8 @@ class LocalProcesses:
     """Runs on processes of this machine.
 
     A worker may die, of a signal or for lack of memory: its run is begun again by a new worker, up
-    to `MAX_ATTEMPTS` times, and the other workers do not notice. Workers end with this process,
-    however that ends.
+    to `MAX_ATTEMPTS` times, and the other workers do not notice; so may the server that starts
+    them, which costs each of them its run. Workers end with this process, however that ends.
 
     Args:
         workers: Number of processes; the number of usable cores by default.
@@ -163,8 +170,11 @@ def _Environment(names: Sequence[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _InterruptsBlocked() -> Iterator[None]:
-    """Ctrl-C is for this process alone: processes that start meanwhile never get it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Ctrl-C is for this process alone: processes that start meanwhile never get it.
+
+    Neither do they get the end of the terminal.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         yield
     finally:
@@ -190,18 +200,27 @@ class _Worker:
                     return self._pool.submit(function, *values)
                 except BrokenProcessPool:  # It died when it had nothing to do.
                     pass
-            self.CutLifeline()
-            self.Shutdown()
-            context: BaseContext = multiprocessing.get_context(_StartMethod())
-            end, self._lifeline = context.Pipe()
-            level = logging.getLogger("mffdrake").getEffectiveLevel()
-            self._pool = ProcessPoolExecutor(
-                1,
-                mp_context=context,
-                initializer=_StartWorker,
-                initargs=(end, level, self._one_thread),
-            )
-            return self._pool.submit(function, *values)
+            for pause in _PAUSES:
+                with contextlib.suppress(EOFError, ConnectionError):  # The server has died.
+                    return self._Start().submit(function, *values)
+                time.sleep(pause)
+        raise WorkerDiedError(_NO_SERVER)
+
+    def _Start(self) -> ProcessPoolExecutor:
+        """A new pool, whose process starts with its first run."""
+        self.CutLifeline()
+        self.Shutdown()
+        PrepareWorkers()  # again where the server has died
+        context: BaseContext = multiprocessing.get_context(_StartMethod())
+        end, self._lifeline = context.Pipe()
+        level = logging.getLogger("mffdrake").getEffectiveLevel()
+        self._pool = ProcessPoolExecutor(
+            1,
+            mp_context=context,
+            initializer=_StartWorker,
+            initargs=(end, level, self._one_thread),
+        )
+        return self._pool
 
     @property
     def started(self) -> bool:
