@@ -17,7 +17,7 @@ from mffdrake.recognition.genetic.generation import Generation
 from mffdrake.recognition.genetic.genetic import GeneCoding, GeneticAlgorithm, GeneticParameters
 from mffdrake.recognition.genetic.local_moves import LocalMoveParameters, LocalMoves
 from mffdrake.recognition.genetic.starts import RandomStart, Start
-from mffdrake.recognition.parameters import Seed, check_fields
+from mffdrake.recognition.parameters import check_fields
 from mffdrake.recognition.poses.tracking_state import TrackingState
 from mffdrake.recognition.refinement.refinement import NoRefinement, Refiner
 
@@ -74,7 +74,7 @@ class OneStepGaTracker:
     refiner: Refiner = field(default_factory=NoRefinement)
     white_balance: WhiteBalance = field(default_factory=FixedWhiteBalance)
     sure_fitness: float = 0.6
-    seed: Seed = 0
+    seed: Annotated[int, Ge(0)] = 0
     algorithm: GeneticAlgorithm = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -49,8 +49,8 @@ _T = TypeVar("_T")
 # Bounds far beyond all that makes sense, within which nothing overflows or takes for ever.
 Finite = Annotated[float, Ge(-1e9), Le(1e9), pydantic.Field(allow_inf_nan=False)]
 """A number of any sign, up to 1e9."""
-Positive = Annotated[float, Gt(0), Ge(1e-9), Le(1e9), pydantic.Field(allow_inf_nan=False)]
-"""A number from 1e-9 to 1e9."""
+Positive = Annotated[float, Gt(0), Ge(1e-12), Le(1e9), pydantic.Field(allow_inf_nan=False)]
+"""A number from 1e-12 to 1e9."""
 NonNegative = Annotated[float, Ge(0), Le(1e9), pydantic.Field(allow_inf_nan=False)]
 """A number from 0 to 1e9."""
 Share = Annotated[float, Ge(0), Le(1), pydantic.Field(allow_inf_nan=False)]

@@ -18,7 +18,7 @@ from mffdrake.recognition.parameters.yaml_text import DumpYaml
 __all__ = ["commented_yaml", "json_schema"]
 
 _WIDTH = 100
-_WIDE = ((-1e9, 1e9), (1e-9, 1e9), (0, 1e9), (1, 10**6), (0, 10**6), (0, 2**63))  # of no use
+_WIDE = ((-1e9, 1e9), (1e-12, 1e9), (0, 1e9), (1, 10**6), (0, 10**6), (0, 2**63))  # of no use
 
 
 def json_schema(cls: type) -> dict[str, Any]:
