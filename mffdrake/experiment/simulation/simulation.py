@@ -26,6 +26,7 @@ __all__ = ["STAGES", "Simulate", "SimulationResult", "TruePose"]
 
 Array = NDArray[np.float64]
 
+_PIECE = 1 << 18  # rows: two and a half hours
 STAGES = ("render", "recognition", "prediction", "total")
 """Whose wall time is measured; the total includes dynamics and control."""
 
@@ -103,13 +104,8 @@ class SimulationResult:
                 values = {name: data[name] for name in data.files}
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(f"{path}: not a record written by SimulationResult.Save") from error
-        stages = dict(
-            zip(
-                values.pop("stage_names").tolist(),
-                values.pop("stage_means_ms").tolist(),
-                strict=True,
-            )
-        )
+        names, means = (values.pop(key).tolist() for key in ("stage_names", "stage_means_ms"))
+        stages = dict(zip(names, means, strict=True))
         values.update(scenario=str(values["scenario"]), wall_s=float(values["wall_s"]))
         values["symmetries"] = str(values.get("symmetries", "none"))
         for name in ("state", "confidence", "is_tracking"):  # Earlier versions did not record them.
@@ -217,6 +213,25 @@ class TruePose:
         return X_WC.InvertAndCompose(self._target.CalcPose(frame_time - self._latency))
 
 
+class _Rows:
+    """Rows of numbers, for which memory is taken in large pieces: while it lasts, none grows."""
+
+    def __init__(self, most: int) -> None:
+        self._size = min(most, _PIECE)
+        self._pieces: dict[str, list[Array]] = {}
+
+    def Set(self, row: int, name: str, value: Array | float) -> None:
+        """Notes a value in a column."""
+        pieces = self._pieces.setdefault(name, [])
+        if row >= self._size * len(pieces):
+            pieces.append(np.full((self._size, *np.shape(value)), np.nan))
+        pieces[row // self._size][row % self._size] = value
+
+    def Columns(self, rows: int) -> dict[str, Array]:
+        """The columns' first rows."""
+        return {name: np.concatenate(pieces)[:rows] for name, pieces in self._pieces.items()}
+
+
 class _Recorder:
     """Collects the frames and the stages' wall times.
 
@@ -249,12 +264,9 @@ class _Recorder:
                 predictor.GetOutputPort("predicted_population"),
                 predictor.GetMyContextFromRoot(context),
             )
-        self._rows: dict[str, list[Array | float]] = {
-            field.name: []
-            for field in dc.fields(SimulationResult)
-            if field.name not in ("scenario", "stages_ms", "wall_s", "symmetries")
-        }
-        self._stages: dict[str, list[float]] = {name: [] for name in STAGES}
+        self._rows = _Rows(scenario.timing.NumFrames(scenario.duration))
+        self._num_frames = 0
+        self._stages_ms = dict.fromkeys(STAGES, 0.0)
         self._marks: list[float] = []
         self._start = time.perf_counter()
 
@@ -269,18 +281,16 @@ class _Recorder:
         state = self._plant.get_state_output_port().Eval(self._plant_context)
         X_WE = self._hand.CalcPoseInWorld(self._plant_context)
         X_CM = self._true_pose.Calc(self._diagram_context, frame_time)
+        X_WEd = self._desired_hand(frame_time)
         for name, value in (
             ("time", frame_time),
             ("joint_positions", state[: self._num_joints]),
             ("joint_velocities", state[self._num_joints :]),
             ("true_pose", X_CM.GetAsMatrix34()),
             ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
-            (
-                "desired_hand_pose",
-                (self._X_E0W @ self._desired_hand(frame_time)).GetAsMatrix34(),
-            ),
+            ("desired_hand_pose", (self._X_E0W @ X_WEd).GetAsMatrix34()),
         ):
-            self._rows[name].append(value)
+            self._rows.Set(self._num_frames, name, value)
         self._marks.append(time.perf_counter())
         for port in self._image_ports:
             port.EvalAbstract(self._diagram_context)  # Eval would copy the image.
@@ -298,9 +308,11 @@ class _Recorder:
         """Notes what the recognizer made of the frame, one tick later."""
         self._marks.append(time.perf_counter())
         context = self._recognizer_context
-        self._rows["recognized_pose"].append(self._recognizer.GetOutputPort("pose").Eval(context))
+        pose = self._recognizer.GetOutputPort("pose").Eval(context)
+        self._rows.Set(self._num_frames, "recognized_pose", pose)
         for name in ("fitness", "state", "confidence", "is_tracking"):
-            self._rows[name].append(float(self._recognizer.GetOutputPort(name).Eval(context)[0]))
+            (value,) = self._recognizer.GetOutputPort(name).Eval(context)
+            self._rows.Set(self._num_frames, name, value)
 
     def FinishFrame(self, ticks: int) -> None:
         """Notes the stages' times at the end of a frame."""
@@ -314,26 +326,23 @@ class _Recorder:
             ("recognition", max(0.0, recognized - resumed - one_tick)),
             ("total", end - begin - (resumed - predicted)),
         ):
-            self._stages[name].append(1e3 * seconds)
+            self._stages_ms[name] += 1e3 * seconds
+        self._num_frames += 1
 
     def Result(self, scenario: Scenario) -> SimulationResult:
         """The record, of a scenario as long as it was simulated."""
         wall_s = self.wall_s
-        rows = {name: np.array(values) for name, values in self._rows.items()}
+        rows = self._rows.Columns(self._num_frames)
         for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
             X = rows[name].reshape(-1, 3, 4)
             rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
         matcher = getattr(self._recognizer.tracker, "matcher", None)  # Others keep what they know.
         symmetries = NO_SYMMETRIES if matcher is None else find_symmetries(matcher.solid)
-        rows["recognized_pose"] = np.array(
-            [
-                symmetries.nearest(pose, true)
-                for pose, true in zip(rows["recognized_pose"], rows["true_pose"], strict=True)
-            ]
-        ).reshape(-1, 6)
+        nearest = map(symmetries.nearest, rows["recognized_pose"], rows["true_pose"])
+        rows["recognized_pose"] = np.array(list(nearest)).reshape(-1, 6)
         return SimulationResult(
             scenario=scenario.Dump(),
-            stages_ms={name: float(np.mean(values)) for name, values in self._stages.items()},
+            stages_ms={name: ms / self._num_frames for name, ms in self._stages_ms.items()},
             wall_s=wall_s,
             symmetries=str(symmetries),
             **rows,
