@@ -248,10 +248,11 @@ def series(name: str, command: str, folder: Path, tally: Tally, rng: random.Rand
     for _ in range(IN_A_ROW):
         kind = rng.choice([*SIGNALS, WORKER] if "--workers" in command else [*SIGNALS])
         moment = rng.uniform(0.0, tally.seconds)
+        begin = time.perf_counter()
         trouble = disturb(command, folder, kind, moment, rng)
         if trouble is None:  # It was over, so that it takes less time than was thought.
             tally.ended += 1
-            tally.seconds = min(tally.seconds, moment)
+            tally.seconds = min(tally.seconds, time.perf_counter() - begin)
             break
         tally.kills += 1
         told = [trouble] if trouble else []
