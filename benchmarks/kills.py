@@ -248,10 +248,11 @@ def series(name: str, command: str, folder: Path, tally: Tally, rng: random.Rand
     for _ in range(IN_A_ROW):
         kind = rng.choice([*SIGNALS, WORKER] if "--workers" in command else [*SIGNALS])
         moment = rng.uniform(0.0, tally.seconds)
+        begin = time.perf_counter()
         trouble = disturb(command, folder, kind, moment, rng)
         if trouble is None:  # It was over, so that it takes less time than was thought.
             tally.ended += 1
-            tally.seconds = min(tally.seconds, moment)
+            tally.seconds = min(tally.seconds, time.perf_counter() - begin)
             break
         tally.kills += 1
         told = [trouble] if trouble else []
@@ -292,7 +293,8 @@ def main() -> None:
         name = [*commands][count % len(commands)]
         series(name, commands[name], top / f"{name}-{count}", tallies[name], rng)
         count += 1
-        print(f"{name}: {tallies[name].kills} kills", file=sys.stderr, flush=True)
+        done, failed = tallies[name].kills, tallies[name].failures
+        print(f"{name}: {done} kills, {len(failed)} failures", file=sys.stderr, flush=True)
     print(f"{'command':<12}{'s':>7}{'kills':>7}{'too late':>10}{'parts':>7}{'failures':>10}")
     for name, tally in tallies.items():
         print(f"{name:<12}{tally.seconds:>7.1f}{tally.kills:>7}{tally.ended:>10}{tally.parts:>7}"

@@ -48,32 +48,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
         missing (doctor), 2 after a message on bad input, or 130 after an interrupt (143 after
         SIGTERM, 129 after SIGHUP).
     """
+    # Loading takes a moment. An interrupt in the midst of that would come out as an import error;
+    # so it ends the process as if there was none.
+    on_interrupt = signal.getsignal(signal.SIGINT)
+    if on_interrupt is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        options = _Parse(arguments)
+        # What the others import may be what is broken.
+        command = None if options.command == "doctor" else _Load(options)
+    finally:
+        signal.signal(signal.SIGINT, on_interrupt)
+    if command is None:
+        return _PrintDiagnosis()
+    from mffdrake.experiment.interrupts import SignalsInterrupt
+
+    with SignalsInterrupt() as received:
+        return _Call(command, options, received)
+
+
+def _Parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = MakeParser()
     if "_ARGCOMPLETE" in os.environ:  # A shell asks how a line may go on.
         import argcomplete
 
         argcomplete.autocomplete(parser)
-    options = parser.parse_args(arguments)
-    if options.command == "doctor":  # What the other commands import may be what is broken.
-        return _PrintDiagnosis()
+    return parser.parse_args(arguments)
+
+
+def _Load(options: argparse.Namespace) -> Callable[[argparse.Namespace], int]:
+    """What a command does, with all that it imports."""
     logging.basicConfig(format="mffdrake: %(levelname)s: %(message)s", level=logging.WARNING)
-    # Drake takes a moment to load. An interrupt in the midst of that would come out as an import
-    # error, so it ends the process as if there was none.
-    on_interrupt = signal.getsignal(signal.SIGINT)
-    if on_interrupt is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if _NeedsWorkers(options):  # They load in the background what this process loads, too.
         PrepareWorkers()
-    from mffdrake.experiment.interrupts import SignalsInterrupt
-
     command = _Find(options.command)
-    signal.signal(signal.SIGINT, on_interrupt)
+    import_module("mffdrake.experiment.commands.options.arguments")  # It is needed below.
     for name in ("mffdrake", "drake"):  # Drake sets its level when it is imported.
         logging.getLogger(name).setLevel(
             logging.INFO if getattr(options, "verbose", False) else logging.WARNING
         )
-    with SignalsInterrupt() as received:
-        return _Call(command, options, received)
+    return command
 
 
 def _Call(
