@@ -53,6 +53,8 @@ __all__ = ["RunTrack"]
 
 _log = logging.getLogger("mffdrake")
 
+_WHEN_WRONG = 'What may be the matter: "When it goes wrong" in docs/studies/real_images.md.'
+
 
 def RunTrack(options: argparse.Namespace) -> int:
     """Tracks a solid through images, writes its poses and tells what came out."""
@@ -290,7 +292,8 @@ def _Tell(
         )
     print(f"Fitness {row['fitness']:.3f}, {refined}.")
     relied = sum(frame.estimate.is_tracking for frame in tracked)
-    print(f"Relied on (is_tracking) in {relied} of {len(tracked)} frames.")
+    hint = "" if 2 * relied >= len(tracked) else f" {_WHEN_WRONG}"
+    print(f"Relied on (is_tracking) in {relied} of {len(tracked)} frames.{hint}")
     found = tracked[0].found
     if found is not None:
         how = "converged" if found.converged else "not converged: more --generations may help"
