@@ -3,6 +3,7 @@
 import json
 
 import yaml
+from hypothesis import example
 from hypothesis import strategies as st
 from judging import ODD_NUMBERS, ROOT, mutated, outcome, prop
 
@@ -101,6 +102,7 @@ def test_any_bytes_of_a_scenario_file_are_taken_or_told(tmp_path_factory, data):
     check_round_trip(outcome(mff.LoadScenario, file, error=mff.ScenarioError))
 
 
+@example("seeds: [1, 2]")
 @prop(mutated(GRIDS))
 def test_any_damaged_grid_is_taken_or_told(tmp_path_factory, text):
     file = tmp_path_factory.getbasetemp() / "grid.yaml"
