@@ -2,8 +2,10 @@
 tells what an image must be."""
 
 import functools
+import math
 
 import numpy as np
+from hypothesis import example
 from hypothesis import strategies as st
 from judging import NUMBERS, outcome, prop
 
@@ -150,6 +152,7 @@ def test_what_is_no_image_is_told(images):
     outcome(mff.BorderRefiner(matcher()).refine, POSES[0], images, error=ValueError)
 
 
+@example([np.full((HEIGHT, WIDTH, 3), 255, dtype=np.uint8)] * 2, (math.nan, 1.0, 1.0))
 @prop(pictures(), st.tuples(NUMBERS, NUMBERS, NUMBERS))
 def test_any_white_balance_gives_a_fitness_or_is_told(images, gains):
     fitness = outcome(matcher().fitness, POSES, images, gains=gains, error=ValueError)
