@@ -8,6 +8,7 @@ told, and ``--seed`` tries the same ones again. The last lines tell how many cas
 """
 
 import argparse
+import hashlib
 import os
 import subprocess
 import sys
@@ -34,8 +35,11 @@ def main() -> int:
     seed = int.from_bytes(os.urandom(4)) if options.seed is None else options.seed
     environment = {**os.environ, "MFFDRAKE_FUZZ_CASES": str(options.cases)}
     if options.bounds:
-        # Compiled without checks they must not be taken, nor be left for others with them.
-        cache = Path(tempfile.gettempdir(), f"mffdrake-bounds-{os.getuid()}")
+        # Compiled without checks they must not be taken, nor be left for others with them; nor must
+        # those that call what has changed since, which numba does not notice.
+        sources = sorted((ROOT / "mffdrake" / "recognition").rglob("*.py"))
+        state = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
+        cache = Path(tempfile.gettempdir(), f"mffdrake-bounds-{os.getuid()}-{state[:12]}")
         environment |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(cache)}
     command = [sys.executable, "-m", "pytest", "tests/fuzz", f"--hypothesis-seed={seed}"]
     command += ["-n", "logical", "-o", f"faulthandler_timeout={SILENT_S}", *pytest_options]

@@ -7,6 +7,7 @@ import math
 import cv2
 import numpy as np
 import yaml
+from hypothesis import example
 from hypothesis import strategies as st
 from judging import NUMBERS, mutated, outcome, prop
 
@@ -118,6 +119,7 @@ VALUES = st.one_of(
 )  # fmt: skip
 
 
+@example({"distortion_coefficients": [0.0, 0.0, 0.0, 1e18]})
 @prop(st.dictionaries(st.sampled_from(sorted(yaml.safe_load(ROS))), VALUES, max_size=3))
 def test_any_values_of_a_calibration_are_taken_or_told(tmp_path_factory, values):
     text = json.dumps(yaml.safe_load(ROS) | values)

@@ -4,6 +4,7 @@ that came of numbers."""
 import functools
 
 import numpy as np
+from hypothesis import example
 from hypothesis import strategies as st
 from judging import NUMBERS, check_message, outcome, prop, vectors
 
@@ -71,6 +72,7 @@ def test_what_is_no_pose_is_told(poses):
     assert fitness is None or np.isfinite(fitness).all()
 
 
+@example(np.array([1.7e308, 0.0, 0.0, 0.0, 0.0, 0.0]))
 @prop(POSE)
 def test_any_pose_is_refined_or_given_back(pose):
     result = mff.BorderRefiner(matcher()).refine(pose, images())

@@ -18,9 +18,13 @@ TEXTS = [
         if "scenario:" not in file.read_text(encoding="utf-8")
     ),
     "servo: !Follow {controller: {gain: 8}}\nrecognizer: {refinement: !Borders {window: 8}}",
-    "disturbances: [!Noise {sigma: 3}, !Occlusion {}, !Dropout {}]\nclutter: [!Box {}]",
-    "cameras: [{name: a, width: 64}, {name: b, fov_y_deg: 50}]\ncalibration: {focal_length: 0.01}",
+    "disturbances: [!MotionBlur {exposure: 0.008}, !GaussianNoise {deviation: 8}, !SaltAndPepper {"
+    "}, black, !DroppedFrames {cameras: [left], probability: 0.1}, !LateFrames {}, !Frozen {}]\n"
+    "clutter: [!Occluder {size: [0.1, 0.2, 0.3], period: 2}, !Distractors {number: 3}]",
+    "cameras: [{name: a, width: 64}, {name: b, focal: 50}]\ncalibration: {focal_error: 0.01}",
     "target: {motion: !Sinusoids {}, X_WM: {rotation: !AngleAxis {angle_deg: 3, axis: [0, 0, 1]}}}",
+    "target: {motion: !Waypoints {}, model: wedge}\ncontroller: {gains: !NaturalFrequency {}}",
+    "disturbances: [!Brightness {offset: 0.1}, !ColorTemperature {}]\nservo: follow\nmethod: ga",
 ]
 GRIDS = [
     (ROOT / "scenarios" / "population_size.yaml").read_text(encoding="utf-8"),
@@ -48,7 +52,23 @@ LEAVES = st.one_of(
     st.text(max_size=8),
     st.sampled_from(["mff", "ga", "borders", "well_damped", "vtk", "\0", "x" * 5000, "_tag"]),
 )
-TAGS = st.sampled_from(["!Rpy", "!Borders", "!Follow", "!Noise", "!Foo", "", "Rpy", 3, None])
+TAGS = st.sampled_from(
+    [
+        "!Rpy",
+        "!Borders",
+        "!Follow",
+        "!GaussianNoise",
+        "!Black",
+        "!Occluder",
+        "!Sinusoids",
+        "!Waypoints",
+        "!Foo",
+        "",
+        "Rpy",
+        3,
+        None,
+    ]
+)
 NAMES = st.one_of(
     st.sampled_from(sorted({part for key in KEYS for part in key.split(".")})), st.text(max_size=4)
 )
