@@ -30,6 +30,7 @@ LINT = [["-m", "ruff", "check"], ["-m", "ruff", "format", "--check"], ["-m", "my
 LAB = [["-m", "jupyterlab", "notebooks"]]
 DOCS = [["-m", "mkdocs", "build", "--strict"]]
 TEST_ALL = [["tools/test_all.py"]]
+FUZZ = [["tools/fuzz.py"]]
 
 # Target: what it does, its commands, the project's extras they need, and whether they draw.
 TARGETS = {
@@ -42,6 +43,7 @@ TARGETS = {
         {"dev"},
         True,
     ),
+    "fuzz": ("random bad input, as much as wanted; ARGS='--cases 100000'", FUZZ, {"dev"}, False),
     "lint": ("style, format and types", LINT, {"dev"}, False),
     "bench": ("times everything: docs/studies/performance.md (ten minutes)", BENCH, {"dev"}, True),
     "docs": ("the documentation: out/site/index.html", DOCS, {"docs"}, False),

@@ -58,7 +58,9 @@ class Grid:
         del scenario["seed"]
         for key in self.values:  # It is either fixed or varied.
             _Remove(scenario, key.split("."))
-        data = {"scenario": scenario, "grid": self.values, "seeds": list(self.seeds)}
+        data: dict[str, Any] = {"scenario": scenario, "seeds": list(self.seeds)}
+        if self.values:
+            data = {"scenario": scenario, "grid": self.values, "seeds": list(self.seeds)}
         return DumpYaml(data)
 
 

@@ -280,7 +280,10 @@ def _distortion(keys: Keys) -> Distortion:
             f"{key} must be {' or '.join(map(str, counts))} numbers with the model {model} (or "
             f"{' or '.join(map(str, longer))}, 0 past the first {most}), not {len(numbers)}"
         )
-    return Distortion(_MODELS[model], tuple(numbers)) if numbers else Distortion()
+    try:
+        return Distortion(_MODELS[model], tuple(numbers)) if numbers else Distortion()
+    except ValueError as error:
+        raise keys.error(str(error)) from error
 
 
 def _model(keys: Keys) -> str:

@@ -25,6 +25,8 @@ from mffdrake.recognition.parameters import (
     Positive,
     check,
     check_fields,
+    shorten,
+    shown,
 )
 
 if TYPE_CHECKING:
@@ -178,6 +180,11 @@ class Camera:
             ValueError: When it has another type or size, or no colors.
         """
         h, w = self.height, self.width
+        if not isinstance(image, np.ndarray):
+            raise ValueError(
+                f"camera '{self.name}': an image must be an array of type uint8 and shape ({h}, "
+                f"{w}, 3 or 4), not {shown(image)}"
+            )
         if image.shape not in ((h, w, 3), (h, w, 4)) or image.dtype != np.uint8:
             raise ValueError(
                 f"camera '{self.name}': an image must be of type uint8 and shape ({h}, {w}, 3 or "
@@ -291,9 +298,15 @@ class CameraRig:
             if set(images) != set(self.names):
                 raise ValueError(
                     f"there must be an image of each camera, {', '.join(self.names)}, not of "
-                    f"{', '.join(images) or 'none'}"
+                    f"{shorten(', '.join(map(str, images))) or 'none'}"
                 )
             images = [images[name] for name in self.names]
+        is_list = isinstance(images, Sequence) and not isinstance(images, str | bytes)
+        if not (is_list or (isinstance(images, np.ndarray) and images.ndim)):
+            raise ValueError(
+                f"there must be an image of each camera, {', '.join(self.names)}, not "
+                f"{shown(images)}"
+            )
         if len(images) != len(self.cameras):
             raise ValueError(
                 f"there must be an image of each camera, {', '.join(self.names)}, not "

@@ -96,9 +96,8 @@ class ColorModel:
         """Checks the numbers."""
         object.__setattr__(self, "colors", tuple(self.colors))
         if not 1 <= len(self.colors) <= _MOST_COLORS:
-            raise ValueError(
-                f"a solid must have from 1 to {_MOST_COLORS} colors, not {len(self.colors)}"
-            )
+            count = len(self.colors)
+            raise ValueError(f"a solid must have from 1 to {_MOST_COLORS} colors, not {count}")
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"colors must have different names, not {list(self.names)}")
         check_fields(self)
@@ -135,11 +134,8 @@ class ColorModel:
 
     def overlaps(self) -> list[tuple[str, str]]:
         """The pairs of colors of which some pixels could show either."""
-        return [
-            (self.names[i], self.names[j])
-            for i, j in itertools.combinations(range(len(self.colors)), 2)
-            if self._alike[i, j]
-        ]
+        pairs = itertools.combinations(range(len(self.colors)), 2)
+        return [(self.names[i], self.names[j]) for i, j in pairs if self._alike[i, j]]
 
     @cached_property
     def _hues(self) -> Array:
@@ -225,11 +221,17 @@ class ColorModel:
         Args:
             channel_order: Of the pixels that will be looked up.
             gains: White balance: what red, green and blue are multiplied with before, shape (3,).
+
+        Raises:
+            ValueError: When they are not positive.
         """
         from mffdrake.recognition.fitness.structs import ColorGate  # numba: slow to import
 
-        values = np.arange(256) * np.asarray(gains, dtype=float)[:, None]
-        upper = np.clip(np.rint(values), 0, 255).astype(np.uint32) >> (8 - _BITS)
+        factors = np.asarray(gains, dtype=float)
+        if factors.shape != (3,) or not ((factors > 0.0) & np.isfinite(factors)).all():
+            raise ValueError(f"gains must be three positive numbers, not {gains!r}")
+        values = np.rint(np.arange(256) * np.minimum(factors, 1e6)[:, None])
+        upper = np.clip(values, 0, 255).astype(np.uint32) >> (8 - _BITS)
         places = upper << np.array([[2 * _BITS], [_BITS], [0]], dtype=np.uint32)
         if channel_order == "bgr":
             places = places[::-1]

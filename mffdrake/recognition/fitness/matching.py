@@ -130,7 +130,8 @@ class Matcher:
             Values from 0 to 1, shape (N,).
 
         Raises:
-            ValueError: When an image is missing, or has another type or size than its camera's.
+            ValueError: When an image is missing, or has another type or size than its camera's; or
+                the gains are not positive.
         """
         return self.score(poses, self.scene(images, gains))
 
@@ -175,7 +176,8 @@ class Matcher:
             gains: White balance.
 
         Raises:
-            ValueError: When an image is missing, or has another type or size than its camera's.
+            ValueError: When an image is missing, or has another type or size than its camera's; or
+                the gains are not positive.
         """
         from mffdrake.recognition.camera.lens import measure_noise  # numba: slow to import
         from mffdrake.recognition.fitness.structs import Scene

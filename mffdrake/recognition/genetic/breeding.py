@@ -65,7 +65,8 @@ def encode(poses: Array, coding: Coding) -> Genes:
     for n in range(len(poses)):
         for i in range(6):
             share = (poses[n, i] - lower[i]) / (upper[i] - lower[i])
-            value = np.int64(np.rint(min(max(share, 0.0), 1.0) * top))
+            share = min(share, 1.0) if share > 0.0 else 0.0  # NaN has the lowest gene
+            value = np.int64(np.rint(share * top))
             genes[n, i] = value ^ (value >> 1) if gray else value
     return genes
 

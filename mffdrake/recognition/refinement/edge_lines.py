@@ -6,6 +6,7 @@ coordinates it is straight; in the image the lens bends it.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -108,7 +109,7 @@ def move_lines(
             _place_line(line, R_CM, pose, view.eye, ends[0], ends[1])
             if line.seen:
                 _measure_line(view.eye, line, with_slopes)
-            else:
+            if not line.seen:
                 whole = False
     return whole
 
@@ -128,10 +129,11 @@ def _place_line(line: Line, R_CM: Array, pose: Array, eye: Eye, first: Array, la
 
 @njit(cache=True, error_model="numpy")
 def _measure_line(eye: Eye, line: Line, with_slope: bool) -> None:
-    """Fills in which rows (columns) a line crosses."""
+    """Fills in which rows (columns) a line crosses; none, where it is too far off for numbers."""
     u0, v0 = pixel(eye.lens, line.x0, line.y0)
     u1, v1 = pixel(eye.lens, line.x1, line.y1)
     line.first, line.last = (v0, v1) if line.rows else (u0, u1)
+    line.seen = math.isfinite(line.first) and math.isfinite(line.last)
     if with_slope:
         x, y = 0.5 * (line.x0 + line.x1), 0.5 * (line.y0 + line.y1)
         ux, uy, vx, vy = pixel_jacobian(eye.lens, x, y)

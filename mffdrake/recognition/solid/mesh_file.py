@@ -134,7 +134,7 @@ class ColoredMesh:
         hues = np.empty(len(distinct))
         for k, color in enumerate(distinct):
             hue, saturation, _ = colorsys.rgb_to_hsv(*color)
-            if saturation < _GREYEST:
+            if not saturation >= _GREYEST:  # NaN, too, of a color that is none
                 j = int(np.argmax(place.reshape(-1) == k))
                 raise ValueError(
                     f"{self.name}: face {j}{self._at(j)}, of material '{self.materials[j]}', has "

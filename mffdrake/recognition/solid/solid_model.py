@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mffdrake.recognition.solid import surface
+from mffdrake.recognition.solid import soundness, surface
 
 if TYPE_CHECKING:
     from mffdrake.recognition.solid.mesh_file import ColoredMesh
@@ -103,15 +103,17 @@ class SolidModel:
             raise ValueError(
                 f"SolidModel: {len(outer)} faces need as many materials, not {len(materials)}"
             )
-        parts = [surface.triangulate(corners, face) for face in outer]
-        triangle_faces = np.repeat(np.arange(len(outer)), [len(part) for part in parts])
-        triangles = np.concatenate([np.asarray(part, dtype=np.int64) for part in parts])
         try:
-            surface.check(corners, triangles, triangle_faces)
+            soundness.check_indices(len(corners), outer)
+            soundness.check_size(corners)
+            parts = [surface.triangulate(corners, face) for face in outer]
+            triangle_faces = np.repeat(np.arange(len(outer)), [len(part) for part in parts])
+            triangles = np.concatenate([np.asarray(part, dtype=np.int64) for part in parts])
+            soundness.check_enclosed(corners, triangles, triangle_faces)
+            loops = [(face,) for face in outer]
+            self._fill(corners, loops, corners[triangles], triangle_faces, hues, materials)
         except ValueError as error:
             raise ValueError(f"SolidModel: {error}") from error
-        loops = [(face,) for face in outer]
-        self._fill(corners, loops, corners[triangles], triangle_faces, hues, materials)
 
     def _fill(
         self,
@@ -125,6 +127,7 @@ class SolidModel:
         self.vertices: Array = vertices
         self.faces = tuple(loop[0] for loop in loops)
         self.holes = tuple(tuple(loop[1:]) for loop in loops)
+        soundness.check_hues(hues)
         self.hues: Array = np.mod(hues, 2.0 * math.pi)
         if materials is None:
             materials = [f"hue {math.degrees(hue):.6g} deg" for hue in self.hues]
@@ -133,12 +136,14 @@ class SolidModel:
         self.triangle_faces: IntArray = triangle_faces
         doubled = np.array([sum(self._doubled_area(side) for side in loop) for loop in loops])
         lengths = np.linalg.norm(doubled, axis=1)
-        self.normals: Array = doubled / lengths[:, None]
         self.areas: Array = 0.5 * lengths
         self.centers: Array = np.array([self.vertices[list(f)].mean(axis=0) for f in self.faces])
+        soundness.check_faces(self.areas, self.centers)
+        self.normals: Array = doubled / lengths[:, None]
         self.edges, self.edge_faces, signs = surface.find_edges(loops)
         way = self.vertices[self.edges[:, 1]] - self.vertices[self.edges[:, 0]]
         self.edge_lengths: Array = np.linalg.norm(way, axis=1)
+        soundness.check_edges(self.edge_lengths, self.edge_faces)
         self.edge_directions: Array = way / self.edge_lengths[:, None]
         inward = np.cross(self.normals[self.edge_faces], self.edge_directions[:, None])
         self.edge_inward: Array = np.asarray(signs[..., None] * inward, dtype=float)
@@ -216,11 +221,13 @@ class SolidModel:
                 f"face {unknown[0]} has corners at {corners[unknown[0]].tolist()} m, of which not "
                 "all are finite numbers; leave it out or mend it"
             )
+        if len(corners):
+            soundness.check_size(corners.reshape(-1, 3))
         vertices, index, kept = surface.weld(corners)
         if not len(kept):
             raise ValueError("the surface has no faces")
         hues, names = hues[kept], [materials[k] for k in kept]
-        surface.check(vertices, index, kept)
+        soundness.check_enclosed(vertices, index, kept)
         labels = surface.merge_coplanar(vertices, index, hues)
         first = surface.largest(vertices, index, labels)
         solid = cls.__new__(cls)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -122,60 +122,6 @@ def cluster(rows: Array) -> IntArray:
     return labels
 
 
-def check(vertices: Array, triangles: IntArray, names: ArrayLike) -> None:
-    """Raises where triangles do not enclose a solid.
-
-    Args:
-        vertices: Corner points, shape (V, 3).
-        triangles: Their corners, shape (T, 3).
-        names: The number by which a message names each, shape (T,).
-
-    Raises:
-        ValueError: With the face or the edge, and the remedy.
-    """
-    names = np.asarray(names)
-    heads: dict[tuple[int, int], list[int]] = {}
-    for k, (a, b, c) in enumerate(triangles.tolist()):
-        for side in ((a, b), (b, c), (c, a)):
-            heads.setdefault(side, []).append(k)
-    for (a, b), there in heads.items():
-        back = heads.get((b, a), [])
-        if len(there) == len(back) == 1:
-            continue
-        edge = f"the edge from {_place(vertices[a])} to {_place(vertices[b])}"
-        if len(there) + len(back) == 1:
-            raise ValueError(
-                f"not a closed solid: open at {edge}, which has face {names[there[0]]} alone; "
-                "close it there (neighbors share corners), or export it again if it was cut short"
-            )
-        if len(there) + len(back) == 2:
-            raise ValueError(
-                f"faces {names[there[0]]} and {names[there[1]]} lie on opposite sides: at {edge} "
-                "one of them is listed clockwise, seen from outside; turn it around"
-            )
-        raise ValueError(
-            f"not a closed solid: {edge} has {len(there) + len(back)} faces instead of two; make "
-            "parts that touch there one solid, or part them"
-        )
-    doubled = _doubled_areas(vertices[triangles])
-    volume = float(np.einsum("tk,tk->", doubled, vertices[triangles[:, 0]])) / 6.0
-    if abs(volume) <= _SAME_LENGTH * float(np.ptp(vertices, axis=0).max()) ** 3 * _SAME_LENGTH:
-        raise ValueError(
-            f"the solid encloses no volume: face {names[0]} and all others lie in one plane or on "
-            "each other; give it a thickness"
-        )
-    if volume < 0.0:
-        raise ValueError(
-            f"the solid is turned inside out (or mirrored): face {names[0]} and all others are "
-            "listed clockwise, seen from outside; turn all faces around"
-        )
-
-
-def _place(point: Array) -> str:
-    """A place in a message [m]."""
-    return "({:.4g}, {:.4g}, {:.4g}) m".format(*(point + 0.0))
-
-
 def _doubled_areas(triangles: Array) -> Array:
     """Normals of triangles, as long as twice their areas, shape (T, 3)."""
     a, b, c = triangles.transpose(1, 0, 2)
@@ -264,6 +210,9 @@ def find_edges(loops: Sequence[Sequence[Loop]]) -> tuple[IntArray, IntArray, Int
         for loop in face:
             for a, b in zip(loop, (*loop[1:], loop[0]), strict=True):
                 sides.setdefault((min(a, b), max(a, b)), []).append((f, 1 if a < b else -1))
+    crossing = [there for there in sides.values() if len(there) != 2]
+    if crossing:
+        raise ValueError(f"the sides of face {crossing[0][0][0]} cross; cut it into triangles")
     both = np.moveaxis(np.array(list(sides.values()), dtype=np.int64), 2, 0)
     faces, signs = np.ascontiguousarray(both)
     return np.array(list(sides), dtype=np.int64), faces, signs
@@ -297,6 +246,10 @@ def trace_loops(vertices: Array, triangles: IntArray, faces: IntArray) -> list[l
                 if here == start:
                     break
             loops.append(_without_straight(vertices, loop, is_end))
+        if not loops or min(map(len, loops)) < 3:
+            raise ValueError(
+                "parts of the surface have no area; leave them out, or make them whole"
+            )
         if len(loops) > 1:
             loops.sort(key=lambda loop: -_doubled_area(vertices, loop))
         loops[0] = _started(vertices, loops[0])

@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.primitives import AffineSystem, DiscreteTimeDelay
 
 from mffdrake.systems.callbacks import WeakCallback
+from mffdrake.systems.finite import EvalFinite
 from mffdrake.systems.timing import Timing
 
 __all__ = ["AddDelay", "GeometryPoser"]
@@ -127,7 +128,7 @@ class GeometryPoser(LeafSystem):
         )
 
     def _CalcGeometryPose(self, context: Context, output: AbstractValue) -> None:
-        positions = self._state.Eval(context)[: self._plant.num_positions()]
+        positions = EvalFinite(self, self._state, context)[: self._plant.num_positions()]
         self._plant.SetPositions(self._kinematics, positions)
         poses = FramePoseVector()
         for frame, body in self._frames:

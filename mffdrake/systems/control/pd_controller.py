@@ -51,7 +51,8 @@ class PdController(Diagram):
     first torque, so that the arm does not fall during the first tick. (The event at time 0 then
     computes the same torque again.) ``CalcForcedDiscreteVariableUpdate()`` updates it at any time.
 
-    All of that is done by systems of Drake, in C++, as it happens every millisecond.
+    All of that is done by systems of Drake, in C++, as it happens every millisecond. What is not a
+    number at an input makes torques that are none.
 
     Args:
         kp: Stiffness [N m/rad], shape (n,), at least 0.

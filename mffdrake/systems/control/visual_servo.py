@@ -18,6 +18,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from mffdrake.recognition.parameters import NonNegative, Period, Positive, parameters
 from mffdrake.systems.callbacks import WeakCallback
+from mffdrake.systems.finite import EvalFinite
 from mffdrake.systems.timing import Timing
 
 __all__ = ["ServoParameters", "VisualServoController"]
@@ -175,7 +176,7 @@ class VisualServoController(LeafSystem):
         q, v = self._Reference(context)
         self._plant.SetPositions(self._kinematics, q)
         self._plant.SetVelocities(self._kinematics, v)
-        is_known = self._is_known.Eval(context)[0]  # exactly 0 or 1
+        is_known = EvalFinite(self, self._is_known, context)[0]  # exactly 0 or 1
         wanted = is_known * self._CalcCameraVelocity(context)
         result = DoDifferentialInverseKinematics(
             self._plant, self._kinematics, wanted, self._frame, self._limits
@@ -197,7 +198,7 @@ class VisualServoController(LeafSystem):
         """The reference camera's wanted angular [rad/s] and linear velocity [m/s], (6,)."""
         p = self._parameters
         X_WC = self._frame.CalcPoseInWorld(self._kinematics)
-        X_WM, velocity = self._X_WM.Eval(context), self._velocity.Eval(context)
+        X_WM, velocity = self._X_WM.Eval(context), EvalFinite(self, self._velocity, context)
         wanted = X_WM @ self._X_MC
         v_WM, w_WM = p.velocity_share * velocity[:3], p.velocity_share * velocity[3:]
         # The wanted pose is fixed to the target.

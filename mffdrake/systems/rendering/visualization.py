@@ -32,6 +32,7 @@ from mffdrake.recognition.camera.cameras import Camera, CameraRig
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
 from mffdrake.recognition.solid.solid_model import SolidModel
+from mffdrake.systems.finite import EvalFinite
 from mffdrake.systems.view.pose_view import PoseView, SetView, ViewRim
 
 __all__ = [
@@ -106,7 +107,8 @@ class PoseEstimateVisualizer(LeafSystem):
         self.DeclareForcedPublishEvent(self._Publish)
 
     def _Publish(self, context: Context) -> None:
-        self._plant.SetPositionsAndVelocities(self._kinematics, self._state.Eval(context))
+        state = EvalFinite(self, self._state, context)
+        self._plant.SetPositionsAndVelocities(self._kinematics, state)
         hypotheses = None
         if self._population.HasValue(context):
             hypotheses = self._population.Eval(context).reshape(-1, 6)

@@ -22,6 +22,7 @@ from mffdrake.recognition.poses.pose_motion import (
     transport_pose,
 )
 from mffdrake.systems.callbacks import WeakCallback
+from mffdrake.systems.finite import EvalFinite
 from mffdrake.systems.timing import Timing
 from mffdrake.systems.vision.exposures import Exposures
 
@@ -96,7 +97,7 @@ class MffPredictor(LeafSystem):
     Raises:
         ValueError: When an argument is outside its range.
         RuntimeError: At a prediction, when ``frame_time`` is not the time of this system's last
-            frame.
+            frame; when the arm's state, a hypothesis or the target's velocity is not finite.
 
     Example:
         >>> from mffdrake.systems.arms.pa10 import MakePa10Plant, NOMINAL_POSITIONS
@@ -193,13 +194,13 @@ class MffPredictor(LeafSystem):
             self._Sample(context, discrete_state)
 
     def _Sample(self, context: Context, discrete_state: DiscreteValues) -> None:
-        newest = np.append(context.get_time(), self._state.Eval(context))
+        newest = np.append(context.get_time(), EvalFinite(self, self._state, context))
         older = context.get_discrete_state(self._samples).value()[: -len(newest)]
         discrete_state.set_value(self._samples, np.append(newest, older))
 
     def _LastTwo(self, context: Context) -> tuple[Array, Array]:
         """Times and arm states at the last frame's exposure and at the present one's."""
-        now = self._state.Eval(context)
+        now = EvalFinite(self, self._state, context)
         rows = context.get_discrete_state(self._samples).value().reshape(-1, 1 + len(now))
         return self._exposures.Rows(context.get_time(), rows=rows, now=now)
 
@@ -226,7 +227,7 @@ class MffPredictor(LeafSystem):
 
     def _TargetVelocity(self, context: Context) -> Array:
         if self._velocity.HasValue(context):
-            return self._velocity.Eval(context)
+            return EvalFinite(self, self._velocity, context)
         return np.zeros(6)
 
     def _PoseRate(self, state: Array, poses: Array, target_velocity: Array) -> Array:
@@ -261,7 +262,7 @@ class MffPredictor(LeafSystem):
         return step_pose(poses, self._PoseRate(last, poses, velocity), self._gain * dt)
 
     def _CalcPredictedPopulation(self, context: Context, output: BasicVector) -> None:
-        population = self._population.Eval(context)
+        population = EvalFinite(self, self._population, context)
         last, present = self._LastTwo(context)
         if math.isnan(last[0]):
             output.SetFromVector(population)
@@ -286,13 +287,15 @@ class MffPredictor(LeafSystem):
 
     def _CalcCameraPose(self, context: Context, output: AbstractValue) -> None:
         present = self._LastTwo(context)[1]
-        state = self._state.Eval(context) if math.isnan(present[0]) else present[1:]
+        state = EvalFinite(self, self._state, context) if math.isnan(present[0]) else present[1:]
         output.set_value(self._CameraPose(state))
 
     def _CalcPoseRate(self, context: Context, output: BasicVector) -> None:
-        first = self._population.Eval(context)[:6]
+        first = EvalFinite(self, self._population, context)[:6]
         velocity = self._TargetVelocity(context)
-        output.SetFromVector(self._PoseRate(self._state.Eval(context), first, velocity))
+        output.SetFromVector(
+            self._PoseRate(EvalFinite(self, self._state, context), first, velocity)
+        )
 
 
 def _Scale(X: RigidTransform, gain: float) -> RigidTransform:
