@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK: shells that complete every program ask this one, too.
 """The command line: ``mffdrake run``, ``compare``, ``track`` and the others.
 
 What a command needs is imported when it is called: the help comes at once. A command is a function
