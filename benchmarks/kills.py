@@ -294,7 +294,8 @@ def main() -> None:
         series(name, commands[name], top / f"{name}-{count}", tallies[name], rng)
         count += 1
         done, failed = tallies[name].kills, tallies[name].failures
-        print(f"{name}: {done} kills, {len(failed)} failures", file=sys.stderr, flush=True)
+        print(f"{name}: {done} kills, {len(failed)} failures", *failed, sep="\n  ",
+              file=sys.stderr, flush=True)  # fmt: skip
     print(f"{'command':<12}{'s':>7}{'kills':>7}{'too late':>10}{'parts':>7}{'failures':>10}")
     for name, tally in tallies.items():
         print(f"{name:<12}{tally.seconds:>7.1f}{tally.kills:>7}{tally.ended:>10}{tally.parts:>7}"

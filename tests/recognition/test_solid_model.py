@@ -452,6 +452,21 @@ def test_what_is_no_mesh_is_told(tmp_path):
         SolidModel.from_mesh_file(tmp_path / "box.doc")
 
 
+@pytest.mark.parametrize("colored", [True, False])
+def test_a_face_with_a_corner_that_is_not_there_is_told(tmp_path, colored):
+    """A byte of a binary file that has changed."""
+    mesh, colors = colored_box()
+    if colored:
+        mesh.visual.vertex_colors = np.repeat(colors, 3, axis=0)
+    mesh.export(tmp_path / "box.ply")
+    content = bytearray((tmp_path / "box.ply").read_bytes())
+    content[-2] = 77  # of the last face's last corner; it may be followed by a color
+    content[-6] = 77
+    (tmp_path / "box.ply").write_bytes(content)
+    with pytest.raises(ValueError, match=r"box\.ply: a face has a corner that this PLY file lacks"):
+        SolidModel.from_mesh_file(tmp_path / "box.ply")
+
+
 KINDS = ["obj", "glb", "gltf", "ply", "ascii.ply", "stl", "ascii.stl"]
 
 

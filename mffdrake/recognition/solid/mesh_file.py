@@ -93,6 +93,11 @@ class ColoredMesh:
         triangles, colors, materials = [], [], []
         for part, X in parts:
             if isinstance(part, trimesh.Trimesh) and len(part.faces):
+                if not 0 <= part.faces.min() <= part.faces.max() < len(part.vertices):
+                    raise ValueError(
+                        f"{path}: a face has a corner that this {_format(kind)} file lacks: it is "
+                        "damaged; export the mesh again"
+                    )
                 own, names = _colors(part)
                 corners = np.asarray(part.vertices, dtype=float)[np.asarray(part.faces)]
                 triangles.append(corners @ X[:3, :3].T + X[:3, 3])
