@@ -202,7 +202,8 @@ def lacks(found: dict[str, Any], before: dict[str, Any], reference: dict[str, An
     first, whole = found.get("result.npz"), reference.get("result.npz")
     if first is not None and whole is not None:
         for name, (_, content) in first.items():
-            if not whole[name][1].startswith(content):
+            # The scenario of a record that ends early is a shorter one.
+            if name != "scenario" and not whole[name][1].startswith(content):
                 wrong.append(f"result.npz: {name} is not the beginning of the right one")
     return wrong
 
@@ -291,10 +292,11 @@ def main() -> None:
     count = 0
     while sum(tally.kills for tally in tallies.values()) < options.kills:
         name = [*commands][count % len(commands)]
+        known = len(tallies[name].failures)
         series(name, commands[name], top / f"{name}-{count}", tallies[name], rng)
         count += 1
         done, failed = tallies[name].kills, tallies[name].failures
-        print(f"{name}: {done} kills, {len(failed)} failures", *failed, sep="\n  ",
+        print(f"{name}: {done} kills, {len(failed)} failures", *failed[known:], sep="\n  ",
               file=sys.stderr, flush=True)  # fmt: skip
     print(f"{'command':<12}{'s':>7}{'kills':>7}{'too late':>10}{'parts':>7}{'failures':>10}")
     for name, tally in tallies.items():
