@@ -2,8 +2,8 @@
 
 Real processes get SIGKILL, SIGINT or SIGTERM, or one of their workers is killed. Whatever the
 moment: every file of the output folder can be read, runs that were kept stay as they are, all of
-them are those of an undisturbed command, bit for bit except for times, and the same command goes on
-to the same results.
+them are those of an undisturbed command, bit for bit except for times and attempts, and the same
+command goes on to the same results.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ COMMANDS = {
 IN_A_ROW = 3  # kills, before a command may come to its end
 SIGNALS = {"SIGKILL": {-9}, "SIGINT": {130, -2}, "SIGTERM": {143, -15}}
 WORKER = "worker"
-TIMES = ("wall_s", "realtime_factor", "stages_ms", "stage_means_ms", "ms")
+TIMES = ("wall_s", "realtime_factor", "stages_ms", "stage_means_ms", "ms", "attempts")
 NOISE = ("Traceback", "Exception ignored", "leaked", "Warning")
 
 
