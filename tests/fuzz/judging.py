@@ -13,12 +13,15 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+import mffdrake as mff
+from mffdrake.recognition import BLUE, GREEN, RED
 from mffdrake.recognition.parameters import InputError
 
 ROOT = Path(__file__).parents[2]
 CASES = int(os.environ.get("MFFDRAKE_FUZZ_CASES", "0"))
 FEW = 30  # cases of a property in the normal tests
 LONGEST = 1000  # characters of a message
+WIDTH, HEIGHT = 64, 48  # of the images [px]
 
 _SHARED = {
     "deadline": None,
@@ -146,3 +149,16 @@ def mutated(draw, texts, words=ODD_TEXTS):
 def vectors(size, elements=NUMBERS):
     """Vectors of odd numbers."""
     return st.lists(elements, min_size=size, max_size=size).map(np.array)
+
+
+@functools.cache
+def box():
+    """The paper's box."""
+    return mff.SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
+
+
+@functools.cache
+def matcher():
+    """Of the box, in small stereo images."""
+    rig = mff.CameraRig.stereo(width=WIDTH, height=HEIGHT)
+    return mff.Matcher(mff.SearchModel(box()), rig)

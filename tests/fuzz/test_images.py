@@ -1,30 +1,16 @@
 """Images of any type, shape and layout in memory: equal pixels give equal results, or one line
 tells what an image must be."""
 
-import functools
 import math
 
 import numpy as np
 from hypothesis import example
 from hypothesis import strategies as st
-from judging import NUMBERS, outcome, prop
+from judging import HEIGHT, NUMBERS, WIDTH, box, matcher, outcome, prop
 
 import mffdrake as mff
-from mffdrake.recognition import BLUE, GREEN, RED
 
-WIDTH, HEIGHT = 64, 48
 POSES = np.array([[0.0, 0.0, 0.8, 0, 0, 0], [0.0, 0.02, 0.6, 0.2, -0.3, 0.1], [0.1, 0, 1, 0, 0, 0]])
-
-
-@functools.cache
-def box():
-    return mff.SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-
-
-@functools.cache
-def matcher():
-    rig = mff.CameraRig.stereo(width=WIDTH, height=HEIGHT)
-    return mff.Matcher(mff.SearchModel(box()), rig)
 
 
 def tracker(**options):

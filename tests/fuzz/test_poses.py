@@ -6,12 +6,10 @@ import functools
 import numpy as np
 from hypothesis import example
 from hypothesis import strategies as st
-from judging import NUMBERS, check_message, outcome, prop, vectors
+from judging import HEIGHT, NUMBERS, WIDTH, box, check_message, matcher, outcome, prop, vectors
 
 import mffdrake as mff
-from mffdrake.recognition import BLUE, GREEN, RED
 
-WIDTH, HEIGHT = 64, 48
 POSE = st.one_of(
     vectors(6),
     st.tuples(vectors(3, st.floats(-1.0, 1.0)), vectors(3)).map(np.concatenate),
@@ -22,17 +20,6 @@ POSE = st.one_of(
     vectors(6, st.floats(-0.4, 0.4)).map(lambda pose: pose + [0, 0, 0.8, 0, 0, 0]),
 )
 POSES = st.lists(POSE, min_size=1, max_size=5).map(np.array)
-
-
-@functools.cache
-def box():
-    return mff.SolidModel.box((0.1, 0.15, 0.2), (RED, GREEN, BLUE))
-
-
-@functools.cache
-def matcher():
-    rig = mff.CameraRig.stereo(width=WIDTH, height=HEIGHT)
-    return mff.Matcher(mff.SearchModel(box()), rig)
 
 
 @functools.cache

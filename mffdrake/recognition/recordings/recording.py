@@ -298,8 +298,9 @@ def ViewWarning(tracked: Sequence[TrackedFrame], rig: CameraRig) -> str | None:
         >>> ViewWarning([], CameraRig.stereo()) is None
         True
     """
+    positions = np.array([frame.estimate.p_CM for frame in tracked]).reshape(-1, 3)
     for camera in rig.cameras:
-        unseen = sum(not camera.sees(frame.estimate.p_CM) for frame in tracked)
+        unseen = int(np.count_nonzero(~camera.sees(positions)))
         if 2 * unseen > len(tracked):
             return (
                 f"camera '{camera.name}' does not see the recognized pose in {unseen} of "

@@ -11,7 +11,8 @@ import yaml
 
 from mffdrake.recognition.recordings.trajectory import LoadTrajectory
 
-TRACK = "track --rig rec/rig.yaml --target rec/target.obj --start rec/start.tum "
+SEARCH = "track --rig rec/rig.yaml --target rec/target.obj "
+TRACK = SEARCH + "--start rec/start.tum "
 FOLDERS = "--images right=rec/images/right left=rec/images/left "
 
 
@@ -126,7 +127,7 @@ def test_other_colors_find_another_fitness(recording, track, tmp_path):
 
 def test_a_search_on_the_first_frame_and_tracking_from_there(recording, quickly, tmp_path):
     finished = quickly(
-        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --motion rec/motion.tum "
+        f"{SEARCH} {FOLDERS} --motion rec/motion.tum "
         f"--generations 200 --recognizer '{{refinement: borders}}' --out {tmp_path}",
         recording[0],
     )
@@ -140,8 +141,7 @@ def test_a_search_on_the_first_frame_and_tracking_from_there(recording, quickly,
 
 def test_a_search_range_that_nobody_sees_is_warned_of(recording, quickly, tmp_path, caplog):
     finished = quickly(
-        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --out {tmp_path} "
-        "--recognizer '{search_range: {z: [-0.9, -0.6]}}'",
+        f"{SEARCH} {FOLDERS} --out {tmp_path} --recognizer '{{search_range: {{z: [-0.9, -0.6]}}}}'",
         recording[0],
     )
     assert finished.returncode == 0
@@ -153,8 +153,7 @@ def test_a_search_range_that_nobody_sees_is_warned_of(recording, quickly, tmp_pa
 
 def test_without_any_keys_the_target_is_found_anywhere_in_view(recording, quickly, tmp_path):
     finished = quickly(
-        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --motion rec/motion.tum "
-        f"--out {tmp_path}",
+        f"{SEARCH} {FOLDERS} --motion rec/motion.tum --out {tmp_path}",
         recording[0],
     )
     assert finished.returncode == 0, finished.stderr
@@ -198,8 +197,7 @@ def test_why_a_pose_is_not_refined_is_told(recording, quickly, tmp_path):
 
 def test_a_search_that_has_not_converged_says_so(recording, quickly, tmp_path):
     finished = quickly(
-        f"track --rig rec/rig.yaml --target rec/target.obj {FOLDERS} --generations 3 "
-        f"--out {tmp_path}",
+        f"{SEARCH} {FOLDERS} --generations 3 --out {tmp_path}",
         recording[0],
     )
     assert finished.returncode == 0, finished.stderr
