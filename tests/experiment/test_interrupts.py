@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import termios
+from pathlib import Path
 
 import llvmlite.binding as llvm
 import pytest
@@ -98,6 +99,67 @@ def test_a_signal_waits_for_the_end_of_a_finalizer(capfd):
         while True:
             pass
     assert capfd.readouterr().err == ""
+
+
+EVERYWHERE = """
+import sys
+from mffdrake.recognition import CameraRig, PoseTracker
+from synthetic import paper_box, pose, render
+
+rig, box = CameraRig.stereo(width=160, height=120), paper_box()
+images = render(box, pose([-0.08, 0.0, 0.6], [0.2, -0.3, 0.4]), rig)
+interrupted = 0
+
+
+def interrupt(count):
+    def on_event(frame, event, arg):
+        nonlocal count
+        if event == "call":
+            count -= 1
+            if count == 0:
+                raise KeyboardInterrupt
+    return on_event
+
+
+def is_told(error):
+    while not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+        if error is None:
+            return False
+    return True
+
+
+tracker = PoseTracker.of(rig, box, channel_order="rgb")
+calls = [tracker.start, tracker.track]
+for call in calls:
+    call(images)  # compiles
+for call in calls:
+    count, ended = 1, False
+    while not ended:
+        sys.setprofile(interrupt(count))
+        try:
+            call(images)
+            ended = True
+        except BaseException as error:
+            sys.setprofile(None)
+            assert is_told(error), repr(error)
+            interrupted += 1
+        finally:
+            sys.setprofile(None)
+        count += 1 + count // 300
+print(interrupted)
+"""
+
+
+def test_an_interrupt_ends_no_process_wherever_python_is_called_while_it_tracks():
+    """Also from compiled functions, by numba, which looks at no errors there."""
+    folder = Path(__file__).parents[1] / "recognition"
+    finished = subprocess.run(
+        [sys.executable, "-c", EVERYWHERE], env=os.environ | {"PYTHONPATH": str(folder)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert finished.returncode == 0, finished.stderr
+    assert int(finished.stdout) > 300
 
 
 # The command line.

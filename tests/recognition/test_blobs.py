@@ -30,7 +30,7 @@ SOLIDS = {"box": paper_box(), "prism": hexagonal_prism()}
 
 
 def grid_of(camera, step=1):
-    return _blobs.make_grid(camera.eye.lens, camera.width, camera.height, step)
+    return _blobs.Grid(*_blobs.make_grid(camera.eye.lens, camera.width, camera.height, step))
 
 
 def pixels_of(grid):
@@ -148,11 +148,11 @@ def patches_by_opencv(labels, of_one_color, least):
     return sorted(found, key=lambda patch: np.flatnonzero(patch[1])[0])
 
 
-def numbers_of(appearances):
+def numbers_of(colors, moments):
     """Appearances as rows: share, x and y of each color, and xx, xy, yy."""
-    count = len(appearances.moments)
-    colors = appearances.colors.view(float).reshape(count, 3 * appearances.colors.shape[1])
-    return np.hstack([colors, appearances.moments.view(float).reshape(count, 3)])
+    count = len(moments)
+    colors = colors.view(float).reshape(count, 3 * colors.shape[1])
+    return np.hstack([colors, moments.view(float).reshape(count, 3)])
 
 
 def appearances_of(numbers):
@@ -193,11 +193,11 @@ def test_blobs_are_opencv_s_connected_components(of_one_color, least):
         labels = random_labels(seed, share=0.25 + 0.05 * seed)
         camera = odd_camera("barrel" if seed % 2 else "none", width=320, height=240)
         grid = grid_of(camera, 4)
-        found = _blobs.find_blobs(labels, grid, seed, 3, of_one_color, least)
+        found, *appearances = _blobs.find_blobs(labels, grid, seed, 3, of_one_color, least)
         expected = patches_by_opencv(labels, of_one_color, least)
-        seen = numbers_of(found.appearances)
-        assert len(found.blobs) == len(seen) == len(expected)
-        for blob, numbers, (color, mask) in zip(found.blobs, seen, expected, strict=True):
+        seen = numbers_of(*appearances)
+        assert len(found) == len(seen) == len(expected)
+        for blob, numbers, (color, mask) in zip(found, seen, expected, strict=True):
             assert (blob["camera"], blob["color"]) == (seed, color)
             j, i = np.nonzero(mask)
             meets = j.min() == 0 or i.min() == 0 or j.max() == 59 or i.max() == 79
@@ -216,8 +216,8 @@ def test_a_blob_s_area_and_moments_are_opencv_s_where_the_lens_is_plain_and_it_l
     labels = np.full((120, 160), -1, dtype=np.int8)
     cv2.ellipse(labels, (77, 61), (30, 12), 35.0, 0.0, 360.0, 0, -1)
     camera = Camera(width=160, height=120, fx=5000.0, fy=5000.0, cx=77.0, cy=61.0)
-    (blob,), appearances = _blobs.find_blobs(labels, grid_of(camera), 0, 1, False, 1)
-    (numbers,) = numbers_of(appearances)
+    (blob,), *appearances = _blobs.find_blobs(labels, grid_of(camera), 0, 1, False, 1)
+    (numbers,) = numbers_of(*appearances)
     m = cv2.moments((labels == 0).astype(np.uint8), binaryImage=True)
     assert blob["area"] * 5000.0**2 == pytest.approx(m["m00"], rel=1e-4)
     np.testing.assert_allclose(numbers[3:], [m["nu20"], m["nu11"], m["nu02"]], atol=1e-4)
@@ -234,14 +234,14 @@ def test_a_blob_cut_by_the_rim_of_the_lens_is_clipped():
         labels = np.full((160, 160), -1, dtype=np.int8)
         labels[70:90, 100 : 80 + reach] = 0
         labels[np.isnan(grid.x)] = -1
-        (blob,), _ = _blobs.find_blobs(labels, grid, 0, 1, False, 6)
+        (blob,), *_ = _blobs.find_blobs(labels, grid, 0, 1, False, 6)
         assert blob["clipped"] == clipped
 
 
 def test_no_labels_no_blobs():
     labels = np.full((120, 160), -1, dtype=np.int8)
-    found = _blobs.find_blobs(labels, grid_of(PLAIN), 0, 3, False, 6)
-    assert len(found.blobs) == 0 and numbers_of(found.appearances).shape == (0, 12)
+    found, *appearances = _blobs.find_blobs(labels, grid_of(PLAIN), 0, 3, False, 6)
+    assert len(found) == 0 and numbers_of(*appearances).shape == (0, 12)
 
 
 # Appearances
@@ -282,23 +282,23 @@ def test_appearances_are_those_of_the_solid_s_images(name):
     classes = np.array([matcher.colors.names.index(m) for m in solid.materials], dtype=np.int8)
     num_colors, turns = len(matcher.colors.names), _appearance.spread_turns(60)
     corners = _appearance.Corners(solid.vertices, solid.edges, solid.edge_faces)
-    table = _appearance.project_appearances(
+    areas, centers, *appearances = _appearance.project_appearances(
         matcher.struct, corners, classes, num_colors, distance, turns
     )
     drawn = as_drawn(solid)
     coarse = _appearance.draw_appearances(drawn, classes, num_colors, distance, turns)
-    np.testing.assert_allclose(coarse.area, table.area, rtol=0.06)
-    np.testing.assert_allclose(coarse.center, table.center, atol=0.002)
-    told = numbers_of(table.appearances)
-    np.testing.assert_allclose(numbers_of(coarse.appearances), told, atol=0.02)
+    np.testing.assert_allclose(coarse[0], areas, rtol=0.06)
+    np.testing.assert_allclose(coarse[1], centers, atol=0.002)
+    told = numbers_of(*appearances)
+    np.testing.assert_allclose(numbers_of(*coarse[2:]), told, atol=0.02)
     grid = grid_of(camera)
-    for turn, area, center, expected in zip(turns, table.area, table.center, told, strict=True):
+    for turn, area, center, expected in zip(turns, areas, centers, told, strict=True):
         R = rotation_of(turn)
         psi = pose([0.0, 0.0, distance] - R @ solid.vertices.mean(axis=0), turn[1:])
         scene = matcher.scene(render(solid, psi, matcher.rig))
         labels = _blobs.label_pixels(scene.views[0], grid, scene.gate, by_bit)
-        (blob,), appearances = _blobs.find_blobs(labels, grid, 0, num_colors, False, 6)
-        (numbers,) = numbers_of(appearances)
+        (blob,), *appearances = _blobs.find_blobs(labels, grid, 0, num_colors, False, 6)
+        (numbers,) = numbers_of(*appearances)
         assert blob["area"] * distance**2 == pytest.approx(area, rel=0.02)
         middle = -distance * np.array([blob["x"], blob["y"]])
         np.testing.assert_allclose(center, middle, atol=5e-4)

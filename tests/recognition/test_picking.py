@@ -11,14 +11,16 @@ from synthetic import paper_box, pose, random_poses, rotation, tetrahedron
 from mffdrake.recognition import Camera, CameraRig, Matcher, SearchModel, SolidModel
 
 _picking = pytest.importorskip("mffdrake.recognition.acquisition.picking")
+_random_numbers = pytest.importorskip("mffdrake.recognition.genetic.random_numbers")
 _proposals = pytest.importorskip("mffdrake.recognition.acquisition.proposing")
 
 
 def pick(poses, scores, origins, weights, numbers, apart, seed=0):
     sources = np.zeros(len(weights), dtype=_proposals.SOURCE)
     sources["weight"] = weights
+    rng = np.random.default_rng(seed)
     return _picking.pick_distinct(
-        poses, scores, origins, sources, numbers, apart, np.random.default_rng(seed)
+        poses, scores, origins, sources, numbers, apart, _random_numbers.address_of(rng)
     )
 
 

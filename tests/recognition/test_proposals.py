@@ -132,13 +132,13 @@ def blobs_of(proposer, images):
     scene, found = proposer.matcher.scene(images), []
     for k, (view, grid) in enumerate(zip(scene.views, proposer.grids, strict=True)):
         labels = _blobs.label_pixels(view, grid, scene.gate, proposer.classes)
-        found += [_blobs.find_blobs(labels, grid, k, 3, one, 6) for one in (False, True)]
-    return found
+        found += [_blobs.find_blobs(labels, grid, k, 3, one, 6)[0] for one in (False, True)]
+    return np.concatenate(found)
 
 
 def place_pairs(proposer, images):
     """Places in the rig's frame of pairs of blobs of any color, and their weights."""
-    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
+    blobs = blobs_of(proposer, images)
     sources = proposals_of(proposer, images, 1).sources
     pairs = [s for s in sources if not math.isnan(s["depth"]) and blobs[s["blob"]]["color"] < 0]
     where = []
@@ -190,7 +190,7 @@ def test_there_is_room_for_all_pairs_of_many_blobs():
     appearances = new_appearances(2 * many, 3)
     appearances.colors["share"][:, 0] = 1.0
     eyes = tuple(camera.eye for camera in STEREO.cameras)
-    frames = _proposals.rig_frames(blobs, eyes, proposer.turns)
+    frames = _proposals.Frames(*_proposals.rig_frames(blobs, eyes, proposer.turns))
     sources = _proposals.pair_blobs(blobs, appearances, frames, proposer.table, proposer.bounds)
     pairs = ~np.isnan(sources["depth"])
     assert pairs.sum() == many**2 and (~pairs).sum() == 2 * many
@@ -230,7 +230,7 @@ def test_at_its_proposals_the_solid_shows_its_color_where_the_blob_is():
     wide = SearchRange(x=(-0.6, 0.6), y=(-0.3, 0.5), z=(0.4, 2.0))
     proposer = proposer_of(alone, BOX, wide)
     found, at = proposals_of(proposer, images, 600), np.indices((240, 320)).reshape(2, -1)
-    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
+    blobs = blobs_of(proposer, images)
     apart, ratios = [], []
     for psi, origin in zip(found.poses, found.origins, strict=True):
         blob = blobs[found.sources[origin]["blob"]]
@@ -272,7 +272,7 @@ def test_sources_are_taken_by_their_weights():
     found = proposals_of(proposer, images, 1000)
     counts = np.bincount(found.origins, minlength=len(found.sources)) / len(found.origins)
     # Of those for a color, many fail: it is not seen from everywhere.
-    blobs = np.concatenate([one.blobs for one in blobs_of(proposer, images)])
+    blobs = blobs_of(proposer, images)
     whole = blobs[found.sources["blob"]]["color"] < 0
     weights = found.sources["weight"][whole]
     assert whole.sum() == 3 and np.ptp(weights) > 0.5

@@ -107,6 +107,9 @@ def _Call(
         message = f"cannot use {name}: {error.strerror}" if name else f"{error.strerror or error}"
     except (InputError, WorkerDiedError) as error:
         message = str(error)
+    except SystemError:  # what C code makes of an exception where it called Python
+        if not received:
+            raise
     except KeyboardInterrupt as error:
         received.append(getattr(error, "number", signal.SIGINT))
     if received:  # Whatever it led to.

@@ -272,6 +272,7 @@ class Acquisition:
     ) -> Array:
         """The distinct ones that account for the largest parts of the images, coarsely matched."""
         from mffdrake.recognition.acquisition import picking  # numba: slow to import
+        from mffdrake.recognition.genetic.random_numbers import address_of
 
         # Not the share: of a target that is hidden in part, it is small where the pose is right.
         areas = picking.silhouette_areas(proposed.poses, scene, self.matcher.solid.facets)
@@ -282,7 +283,7 @@ class Acquisition:
             proposed.sources,
             (count, num_drawn),
             (apart * _APART * self.matcher.solid.size, math.cos(0.5 * apart * _TURNED)),
-            rng,
+            address_of(rng),
         )
         return np.asarray(proposed.poses[picked])
 

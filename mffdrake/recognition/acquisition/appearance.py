@@ -140,11 +140,14 @@ def spread_turns(count: int) -> Array:
 @njit(cache=True, error_model="numpy")
 def draw_appearances(
     drawn: Drawn, classes: NDArray[np.int8], num_colors: int, distance: float, turns: Array
-) -> AppearanceTable:
-    """The appearances of a solid straight ahead, drawn. ``classes``: faces' colors."""
+) -> tuple[Array, Array, Colors, Moments]:
+    """The appearances of a solid straight ahead, drawn. ``classes``: faces' colors.
+
+    Returns an `AppearanceTable`'s areas and centers, and the fields of its `Appearances`.
+    """
     count = len(turns)
     appearances = new_appearances(count, num_colors)
-    table = AppearanceTable(turns, np.empty(count), np.empty((count, 2)), appearances)
+    areas, centers = np.empty(count), np.empty((count, 2))
     canvas = Canvas(
         np.empty((_RESOLUTION, _RESOLUTION)),
         np.empty((_RESOLUTION, _RESOLUTION), dtype=np.int64),
@@ -164,9 +167,9 @@ def draw_appearances(
                         pixel**2 / 12.0,
                     )  # fmt: skip
         area, x, y = normalize(appearances, n)
-        table.area[n] = area * distance * distance
-        table.center[n, 0], table.center[n, 1] = -x * distance, -y * distance
-    return table
+        areas[n] = area * distance * distance
+        centers[n, 0], centers[n, 1] = -x * distance, -y * distance
+    return areas, centers, appearances.colors, appearances.moments
 
 
 @njit(cache=True, error_model="numpy")
@@ -177,21 +180,21 @@ def project_appearances(
     num_colors: int,
     distance: float,
     turns: Array,
-) -> AppearanceTable:
-    """The appearances of a convex solid straight ahead. ``classes``: faces' colors."""
+) -> tuple[Array, Array, Colors, Moments]:
+    """The appearances of a convex solid straight ahead, as `draw_appearances` returns them."""
     vertices, edges, edge_faces = corners_of
     count, num_faces = len(turns), len(solid.normals)
     appearances = new_appearances(count, num_colors)
-    table = AppearanceTable(turns, np.empty(count), np.empty((count, 2)), appearances)
+    areas, centers = np.empty(count), np.empty((count, 2))
     seen = np.empty(num_faces, dtype=np.bool_)
-    corners, centers = np.empty((3, 2)), np.empty((num_faces, 2))
+    corners, middles = np.empty((3, 2)), np.empty((num_faces, 2))
     points = np.empty((len(vertices), 2))
     for n in range(count):
         R = rotation(turns[n, 1:])
         for k in range(len(points)):
             points[k] = _ahead(R, vertices[k], solid.middle, distance)
         for f in range(num_faces):
-            centers[f] = _ahead(R, solid.centers[f], solid.middle, distance)
+            middles[f] = _ahead(R, solid.centers[f], solid.middle, distance)
             toward = 0.0  # the face's normal with the line from the camera to its center
             for i in range(3):
                 arm = 0.0
@@ -209,7 +212,7 @@ def project_appearances(
                     continue
                 # The triangle between the edge and the face's center
                 corners[0], corners[1] = points[edges[e, 0]], points[edges[e, 1]]
-                corners[2] = centers[f]
+                corners[2] = middles[f]
                 x, y = corners[:, 0].sum() / 3.0, corners[:, 1].sum() / 3.0
                 area = 0.5 * abs(
                     (corners[1, 0] - corners[0, 0]) * (corners[2, 1] - corners[0, 1])
@@ -221,9 +224,9 @@ def project_appearances(
                     xx, xy, yy = xx + dx * dx / 12.0, xy + dx * dy / 12.0, yy + dy * dy / 12.0
                 add_patch(appearances, n, classes[f], area, x, y, xx, xy, yy)
         area, x, y = normalize(appearances, n)
-        table.area[n] = area * distance * distance
-        table.center[n, 0], table.center[n, 1] = -x * distance, -y * distance
-    return table
+        areas[n] = area * distance * distance
+        centers[n, 0], centers[n, 1] = -x * distance, -y * distance
+    return areas, centers, appearances.colors, appearances.moments
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.acquisition.appearance import (
-    Appearances,
+    Colors,
+    Moments,
     add_patch,
     new_appearances,
     normalize,
@@ -40,7 +41,7 @@ BLOB = np.dtype(
         ("clipped", np.bool_),  # whether it meets the image's border, or the lens's
     ]
 )
-"""A blob; how it looks stands beside it, see `DescribedBlobs`."""
+"""A blob; how it looks stands beside it, see `find_blobs`."""
 
 
 class Grid(NamedTuple):
@@ -59,21 +60,9 @@ class Grid(NamedTuple):
     area: Array
 
 
-class DescribedBlobs(NamedTuple):
-    """Blobs and what they look like.
-
-    Attributes:
-        blobs: The blobs, shape (B,).
-        appearances: How each looks along its direction.
-    """
-
-    blobs: Blobs
-    appearances: Appearances
-
-
 @njit(cache=True, error_model="numpy")
-def make_grid(lens: Lens, width: int, height: int, step: int) -> Grid:
-    """The grid of a camera."""
+def make_grid(lens: Lens, width: int, height: int, step: int) -> tuple[int, Array, Array, Array]:
+    """The fields of a camera's `Grid`."""
     h, w = height // step, width // step
     x, y, area = np.empty((h, w)), np.empty((h, w)), np.empty((h, w))
     for j in range(h):
@@ -94,7 +83,7 @@ def make_grid(lens: Lens, width: int, height: int, step: int) -> Grid:
                     a, b = np.nan, np.nan
             ux, uy, vx, vy = pixel_jacobian(lens, a, b)
             x[j, i], y[j, i], area[j, i] = a, b, step * step / abs(ux * vy - uy * vx)
-    return Grid(step, x, y, area)
+    return step, x, y, area
 
 
 @njit(cache=True, error_model="numpy")
@@ -172,8 +161,11 @@ def turn_along(x: float, y: float, axes: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def find_blobs(
     labels: Labels, grid: Grid, camera: int, num_colors: int, of_one_color: bool, least: int
-) -> DescribedBlobs:
-    """The blobs in the labels of one view, of at least so many pixels of its grid."""
+) -> tuple[Blobs, Colors, Moments]:
+    """The blobs in the labels of one view, of at least so many pixels of its grid.
+
+    Returns the blobs, shape (B,), and the fields of their `Appearances` along their directions.
+    """
     h, w = labels.shape
     places, ends = _flood(labels, of_one_color, least)
     count, first = len(ends), 0
@@ -207,4 +199,4 @@ def find_blobs(
             add_patch(appearances, n, labels[j, i], area, p, q, 0.0, 0.0, 0.0)
         normalize(appearances, n)
         first = ends[n]
-    return DescribedBlobs(blobs, appearances)
+    return blobs, appearances.colors, appearances.moments

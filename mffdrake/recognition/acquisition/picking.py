@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition.acquisition.proposing import Sources
 from mffdrake.recognition.fitness.structs import Scene, new_placed, place
+from mffdrake.recognition.genetic.random_numbers import generator_at
 from mffdrake.recognition.poses.rotations import rotation, scalar_part
 from mffdrake.recognition.solid.solid_model import Facets
 from mffdrake.recognition.visibility.drawing import facing
@@ -24,13 +25,15 @@ def pick_distinct(
     sources: Sources,
     numbers: tuple[int, int],
     apart: tuple[float, float],
-    rng: np.random.Generator,
+    address: int,
 ) -> IntArray:
     """The best poses that differ from each other, and of them the last each of a random source.
 
     ``numbers`` tells how many there are, and how many of a random source. Poses differ when they
-    are so far ``apart`` [m], or turned by more than what half has this cosine.
+    are so far ``apart`` [m], or turned by more than what half has this cosine. ``address``:
+    see `address_of`.
     """
+    rng = generator_at(address)
     count, num_drawn = numbers
     distance, cosine = apart
     free = np.ones(len(poses), dtype=np.bool_)

@@ -113,20 +113,17 @@ class Proposer:
         from mffdrake.recognition.acquisition.appearance import Appearances
         from mffdrake.recognition.acquisition.blobs import find_blobs, label_pixels
 
-        found = []
+        found: list[tuple[Array, ...]] = []
         for index, (view, grid) in enumerate(zip(scene.views, self.grids, strict=True)):
             labels = label_pixels(view, grid, scene.gate, self.classes)
             for of_one_color in (False, True):
                 found.append(
                     find_blobs(labels, grid, index, self.num_colors, of_one_color, _LEAST_PIXELS)
                 )
-        blobs = np.concatenate([one.blobs for one in found])
-        appearances = Appearances(
-            np.concatenate([one.appearances.colors for one in found]),
-            np.concatenate([one.appearances.moments for one in found]),
-        )
+        blobs, colors, moments = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        appearances = Appearances(colors, moments)
         eyes = tuple(view.eye for view in scene.views)
-        frames = proposing.rig_frames(blobs, eyes, self.turns)
+        frames = proposing.Frames(*proposing.rig_frames(blobs, eyes, self.turns))
         sources = proposing.pair_blobs(blobs, appearances, frames, self.table, self.bounds)
         return Clues(blobs, appearances, frames, sources)
 
@@ -144,10 +141,12 @@ class Proposer:
             images show nothing of the solid's colors.
         """
         from mffdrake.recognition.acquisition import proposing  # numba: slow to import
+        from mffdrake.recognition.genetic.random_numbers import address_of
 
         poses, origins = proposing.propose(
-            *clues, self.table, self.matcher.struct.middle, self.bounds, count, first, rng
-        )
+            *clues, self.table, self.matcher.struct.middle, self.bounds, count, first,
+            address_of(rng),
+        )  # fmt: skip
         return Proposals(poses, origins, clues.sources)
 
     @cached_property
@@ -162,12 +161,12 @@ class Proposer:
     @cached_property
     def grids(self) -> tuple[Grid, ...]:
         """Which pixels of each camera's images are looked at."""
-        from mffdrake.recognition.acquisition.blobs import make_grid  # numba: slow to import
+        from mffdrake.recognition.acquisition.blobs import Grid, make_grid  # numba: slow to import
 
         grids = []
         for camera in self.matcher.rig.cameras:
             step = max(1, round(camera.width / _PIXELS_APART))
-            grids.append(make_grid(camera.eye.lens, camera.width, camera.height, step))
+            grids.append(Grid(*make_grid(camera.eye.lens, camera.width, camera.height, step)))
         return tuple(grids)
 
     @cached_property
@@ -213,6 +212,8 @@ class Proposer:
     def table(self) -> AppearanceTable:
         """How the solid looks from all sides that the search range allows."""
         from mffdrake.recognition.acquisition.appearance import (  # numba: slow to import
+            Appearances,
+            AppearanceTable,
             Corners,
             draw_appearances,
             multiply_all,
@@ -230,12 +231,12 @@ class Proposer:
         distance = 0.5 * (self.bounds.nearest + self.bounds.farthest)
         solid, turns = self.matcher.solid, turns[allowed]
         classes, count = self.face_classes, self.num_colors
-        table: AppearanceTable
         if solid.is_plain:
             corners = Corners(solid.vertices, solid.edges, solid.edge_faces)
             struct = self.matcher.struct
-            table = project_appearances(struct, corners, classes, count, distance, turns)
+            seen = project_appearances(struct, corners, classes, count, distance, turns)
         else:
             drawn = as_drawn(solid)
-            table = draw_appearances(drawn, classes, count, distance, turns)
-        return table
+            seen = draw_appearances(drawn, classes, count, distance, turns)
+        area, center, colors, moments = seen
+        return AppearanceTable(turns, area, center, Appearances(colors, moments))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mffdrake.recognition.acquisition.appearance import Appearances, AppearanceTable, find_similar
 from mffdrake.recognition.acquisition.blobs import Blobs, turn_along
 from mffdrake.recognition.camera.lens import Eye, in_view, turned_back
+from mffdrake.recognition.genetic.random_numbers import generator_at
 from mffdrake.recognition.poses.rotations import multiply, rotation
 
 Array = NDArray[np.float64]
@@ -65,8 +66,8 @@ class Frames(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> Frames:
-    """Where the blobs' frames are in the rig's; ``turns_CK``: the cameras' quaternions."""
+def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> tuple[Array, Array, Array]:
+    """The fields of the blobs' `Frames`; ``turns_CK``: the cameras' quaternions."""
     count = len(blobs)
     turns, R_CF, p_CF = np.empty((count, 4)), np.empty((count, 3, 3)), np.empty((count, 3))
     axes, half = np.empty((3, 3)), np.empty(4)
@@ -90,7 +91,7 @@ def rig_frames(blobs: Blobs, eyes: tuple[Eye, ...], turns_CK: Array) -> Frames:
                     )
                 x, y, z = in_view(eye, 0.0, 0.0, 0.0)
                 p_CF[n, 0], p_CF[n, 1], p_CF[n, 2] = turned_back(eye, -x, -y, -z)
-    return Frames(turns, R_CF, p_CF)
+    return turns, R_CF, p_CF
 
 
 @njit(cache=True, error_model="numpy")
@@ -192,12 +193,13 @@ def propose(
     bounds: Bounds,
     count: int,
     first: int,
-    rng: np.random.Generator,
+    address: int,
 ) -> tuple[Array, IntArray]:
     """Poses at blobs, of which each is one source's; fewer where few are within the bounds.
 
-    ``first`` numbers the first of them among those of all frames.
+    ``first`` numbers the first of them among those of all frames; ``address``: see `address_of`.
     """
+    rng = generator_at(address)
     turns, R_CF, p_CF = frames
     poses, origins = np.empty((count, 6)), np.empty(count, dtype=np.int64)
     made, size = 0, len(table.area)

@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mffdrake.recognition.genetic.random_numbers import generator_at
+
 Array = NDArray[np.float64]
 Genes = NDArray[np.int64]
 
@@ -91,8 +93,9 @@ def decode(genes: Genes, coding: Coding) -> Array:
 
 
 @njit(cache=True)
-def draw_genes(count: int, top: int, rng: np.random.Generator) -> Genes:
-    """Genes drawn evenly, shape (count, 6)."""
+def draw_genes(count: int, top: int, address: int) -> Genes:
+    """Genes drawn evenly, shape (count, 6); ``address``: the random numbers' `address_of`."""
+    rng = generator_at(address)
     genes = np.empty((count, 6), dtype=np.int64)
     for n in range(count):
         for i in range(6):
@@ -102,9 +105,10 @@ def draw_genes(count: int, top: int, rng: np.random.Generator) -> Genes:
 
 @njit(cache=True)
 def cross_and_mutate(
-    parents: Genes, count: int, bits: int, mutation_probability: float, rng: np.random.Generator
+    parents: Genes, count: int, bits: int, mutation_probability: float, address: int
 ) -> Genes:
     """Two-point crossover of random parents, then mutation of single bits, Eq. (27)."""
+    rng = generator_at(address)
     children = np.empty((count, 6), dtype=np.int64)
     for n in range(count):
         mother = parents[rng.integers(0, len(parents))]
@@ -136,8 +140,9 @@ def _rotate(eta: float, e: Array, v: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def draw_local_moves(pose: Array, count: int, moves: Moves, rng: np.random.Generator) -> Array:
+def draw_local_moves(pose: Array, count: int, moves: Moves, address: int) -> Array:
     """Poses around one, see `LocalMoves`."""
+    rng = generator_at(address)
     poses = np.empty((count, 6))
     step = np.empty(7)
     r, eps = pose[:3], pose[3:]
@@ -165,9 +170,7 @@ def draw_local_moves(pose: Array, count: int, moves: Moves, rng: np.random.Gener
 
 
 @njit(cache=True)
-def breed(
-    parents: Parents, shares: Shares, coding: Coding, moves: Moves, rng: np.random.Generator
-) -> Array:
+def breed(parents: Parents, shares: Shares, coding: Coding, moves: Moves, address: int) -> Array:
     """The next generation, Eq. (27), see `GeneticAlgorithm.breed`."""
     poses, fitness, given_center = parents
     order = np.argsort(-fitness, kind="mergesort")  # stable
@@ -183,15 +186,15 @@ def breed(
     if len(given_center) > 0:
         center = given_center
     survivors = encode(poses[order[: shares.num_survivors]], coding)
-    local = draw_local_moves(center[0], shares.num_local, moves, rng)
+    local = draw_local_moves(center[0], shares.num_local, moves, address)
     genes = np.empty((len(poses), 6), dtype=np.int64)
     start = 0
     for part in (
         encode(center[: int(shares.average_best)], coding),
         encode(local, coding),
-        draw_genes(shares.num_newcomers, coding.top, rng),
+        draw_genes(shares.num_newcomers, coding.top, address),
         cross_and_mutate(
-            survivors, shares.num_crossed, coding.bits, shares.mutation_probability, rng
+            survivors, shares.num_crossed, coding.bits, shares.mutation_probability, address
         ),
         survivors,
     ):

@@ -280,9 +280,9 @@ class GeneticAlgorithm:
         Returns:
             Pose vectors that the genes can represent, shape (count, 6).
         """
-        from mffdrake.recognition.genetic import breeding  # numba: slow to import
+        from mffdrake.recognition.genetic import breeding, random_numbers  # numba: slow to import
 
-        genes = breeding.draw_genes(count, 2**self.coding.bits - 1, rng)
+        genes = breeding.draw_genes(count, 2**self.coding.bits - 1, random_numbers.address_of(rng))
         poses: Array = breeding.decode(genes, self.coding.struct)
         return poses
 
@@ -330,7 +330,7 @@ class GeneticAlgorithm:
         Returns:
             Pose vectors that the genes can represent, but for a given center, shape (N, 6).
         """
-        from mffdrake.recognition.genetic import breeding  # numba: slow to import
+        from mffdrake.recognition.genetic import breeding, random_numbers  # numba: slow to import
 
         given = np.empty((0, 6)) if center is None else np.array(center, dtype=float).reshape(1, 6)
         parents = breeding.Parents(
@@ -339,6 +339,7 @@ class GeneticAlgorithm:
             given,
         )
         next_poses: Array = breeding.breed(
-            parents, self._shares, self.coding.struct, self.local_moves.struct, rng
-        )
+            parents, self._shares, self.coding.struct, self.local_moves.struct,
+            random_numbers.address_of(rng),
+        )  # fmt: skip
         return next_poses

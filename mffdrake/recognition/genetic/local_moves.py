@@ -99,9 +99,9 @@ class LocalMoves:
         Returns:
             Pose vectors, shape (count, 6).
         """
-        from mffdrake.recognition.genetic import breeding  # numba: slow to import
+        from mffdrake.recognition.genetic import breeding, random_numbers  # numba: slow to import
 
         poses: Array = breeding.draw_local_moves(
-            np.array(pose, dtype=float), count, self.struct, rng
+            np.array(pose, dtype=float), count, self.struct, random_numbers.address_of(rng)
         )
         return poses

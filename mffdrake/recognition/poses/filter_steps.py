@@ -294,8 +294,11 @@ class Updated(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def update(
     pose: Array, motion: Array, P: Array, measured: Array, covariance: Array, last: Array
-) -> Updated:
-    """The filter with a measurement; ``last`` is the innovation of the one before."""
+) -> tuple[Array, Array, Array, Array, float, float]:
+    """The filter with a measurement; ``last`` is the innovation of the one before.
+
+    Returns the fields of `Updated`.
+    """
     n = len(P)
     R = rotation(pose[3:])
     innovation = np.empty(6)
@@ -313,7 +316,7 @@ def update(
     N = _product(_product(D, body_covariance(measured, covariance)), D.T.copy())
     S, L = P[:ORDER, :ORDER] + N, np.zeros((6, 6))
     if not factor(S, L):
-        return Updated(pose, motion, P, innovation, np.inf, 0.0)
+        return pose, motion, P, innovation, np.inf, 0.0
     K = np.empty((n, 6))  # P H^T S^-1
     for i in range(n):
         K[i] = solve(L, P[i, :ORDER].copy())
@@ -342,4 +345,4 @@ def update(
     for i in range(6):
         nis += innovation[i] * normalized[i] / 6.0
         correlation += last[i] * normalized[i] / 6.0
-    return Updated(new_pose, new_motion, 0.5 * (left + left.T), innovation, nis, correlation)
+    return new_pose, new_motion, 0.5 * (left + left.T), innovation, nis, correlation

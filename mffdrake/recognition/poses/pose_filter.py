@@ -196,14 +196,12 @@ class PoseFilter:
         """
         from mffdrake.recognition.poses import filter_steps  # numba: slow to import
 
-        updated = filter_steps.update(
-            self.pose,
-            self.motion,
-            self.covariance,
-            np.array(pose, dtype=float),
-            np.array(covariance, dtype=float),
-            self.innovation,
-        )
+        updated = filter_steps.Updated(
+            *filter_steps.update(
+                self.pose, self.motion, self.covariance,
+                np.array(pose, dtype=float), np.array(covariance, dtype=float), self.innovation,
+            )
+        )  # fmt: skip
         return PoseFilter(
             updated.pose,
             updated.motion,

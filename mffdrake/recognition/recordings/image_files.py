@@ -150,7 +150,7 @@ def ReadImage(path: Path | str) -> Image:
         >>> ReadImage(file)[0, 0]
         array([255,   0,   0], dtype=uint8)
     """
-    return DecodeImage(np.fromfile(path, dtype=np.uint8), path)
+    return DecodeImage(np.frombuffer(Path(path).read_bytes(), dtype=np.uint8), path)
 
 
 def DecodeImage(data: NDArray[np.uint8], path: Path | str) -> Image:
@@ -191,7 +191,7 @@ def ReadMask(path: Path | str) -> NDArray[np.bool_]:
     Raises:
         ImageSourceError: When it is no image.
     """
-    image = _Decode(np.fromfile(path, dtype=np.uint8), path)
+    image = _Decode(np.frombuffer(Path(path).read_bytes(), dtype=np.uint8), path)
     if image.ndim == 3:
         image = image[:, :, 3] if image.shape[2] == 4 else image.max(axis=2)
     return np.asarray(image > 0.5 * image.max()) & (image > 0)

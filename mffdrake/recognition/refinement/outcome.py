@@ -35,7 +35,7 @@ class Outcome(enum.IntEnum):
     # Where none was tried:
     OFF = 10, "off"
 
-    def __new__(cls, code: int, message: str) -> Outcome:
+    def __new__(cls, code: int, message: str = "") -> Outcome:
         """A code that knows its message; made from its code alone later on."""
         outcome = int.__new__(cls, code)
         outcome._value_ = code

@@ -294,7 +294,8 @@ class BorderRefiner:
         from mffdrake.recognition.refinement import refining  # numba: slow to import
 
         given = np.array(pose, dtype=float).reshape(6)
-        result = refining.refine(given, scene, self.rules, self.stages)
+        code, *rest = refining.refine(given, scene, self.rules, self.stages)
+        result = refining.Result(Outcome(code), *rest)
         expected = math.hypot(
             max(self.parameters.border_error, _IMAGING_ERROR),
             math.sqrt(result.aliasing / 12.0),

@@ -163,8 +163,10 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]) -> Result:
-    """Refines a pose, see `BorderRefiner.refine`."""
+def refine(
+    start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
+) -> tuple[int, Array, Array, int, int, int, float, float, float, float]:
+    """Refines a pose, see `BorderRefiner.refine`. Returns the fields of a `Result`."""
     result = _without_fit(Outcome.NOT_CONVERGED, start, 0, 0)
     for index in range(len(stages)):
         stage, final = stages[index], index == len(stages) - 1
@@ -175,7 +177,11 @@ def refine(start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, 
         result = _refine_once(result.pose, scene, rules, stage, final)
         if result.outcome != Outcome.CONVERGED:
             break
-    return result  # type: ignore[no-any-return]
+    return (
+        result.outcome.value, result.pose, result.covariance, result.num_borders,
+        result.num_jumps, result.sought, result.inlier_ratio, result.residual, result.aliasing,
+        result.disagreement,
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
