@@ -18,7 +18,10 @@ STUDIES = {
 }
 """Name, which is its page's in docs/studies, too: its module, and what it measures."""
 
-CHECKS = {"kills": ("kills", "whether commands that are ended anywhere lose or break anything")}
+CHECKS = {
+    "kills": ("kills", "whether commands that are ended anywhere lose or break anything"),
+    "scale": ("scale", "what thousands of runs on a cluster cost beside their simulation"),
+}
 """The same, without a page."""
 
 

@@ -3,35 +3,42 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from typing import TypeVar
 
 from pydrake.systems.framework import Diagram, System
 
-__all__ = ["FreedDiagram"]
+__all__ = ["UseDiagram"]
+
+T = TypeVar("T")
 
 
-@contextmanager
-def FreedDiagram(diagram: Diagram) -> Iterator[Diagram]:
-    """Frees a diagram at the end, megabytes at a time.
+def UseDiagram(make: Callable[[], Diagram], use: Callable[[Diagram], T]) -> T:
+    """Makes a diagram, uses it and frees it, megabytes at a time.
 
     Its Python systems and their ports refer to each other. Python's collector sees to that, but
     for a flaw of Python 3.11 with pydrake's classes, and has no idea how much memory hangs on it.
 
     Args:
-        diagram: The diagram, of which the caller has no other reference to be used afterwards.
+        make: Makes the diagram.
+        use: What is done with it; it keeps no reference to it.
 
-    Yields:
-        The diagram.
+    Returns:
+        What that returns.
     """
-    python_systems = list(_PythonSystems(diagram))
+    gc.freeze()  # Looking through all that was there before would take a tenth of a second.
     try:
-        yield diagram
+        diagram = make()
+        python_systems = list(_PythonSystems(diagram))
+        try:
+            return use(diagram)
+        finally:
+            for system in python_systems:
+                vars(system).clear()
+            del diagram, python_systems
+            gc.collect()
     finally:
-        for system in python_systems:
-            vars(system).clear()
-        del diagram, python_systems
-        gc.collect()
+        gc.unfreeze()
 
 
 def _PythonSystems(diagram: Diagram) -> Iterator[System]:

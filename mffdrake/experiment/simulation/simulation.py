@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
 from mffdrake.recognition.poses.pose import pose_from_transform
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
-from mffdrake.systems.lifetime import FreedDiagram
+from mffdrake.systems.lifetime import UseDiagram
 
 __all__ = ["STAGES", "Simulate", "SimulationResult", "TruePose"]
 
@@ -143,8 +144,8 @@ def Simulate(
         array([0.   , 0.033, 0.066, 0.099])
     """
     if diagram is None:
-        with FreedDiagram(MakeHandEyeDiagram(scenario)) as diagram:
-            return Simulate(scenario, diagram=diagram, on_frame=on_frame, on_exposure=on_exposure)
+        simulate = partial(Simulate, scenario, on_frame=on_frame, on_exposure=on_exposure)
+        return UseDiagram(lambda: MakeHandEyeDiagram(scenario), lambda d: simulate(diagram=d))
     timing = scenario.timing
     simulator = Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())

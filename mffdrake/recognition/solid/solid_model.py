@@ -318,6 +318,14 @@ class SolidModel:
             digest.update(part.tobytes())
         return digest.hexdigest()
 
+    def __eq__(self, other: object) -> bool:
+        """Whether another one is the same solid, so that what is known of it holds for this one."""
+        return isinstance(other, SolidModel) and self.fingerprint == other.fingerprint
+
+    def __hash__(self) -> int:
+        """Of the fingerprint."""
+        return hash(self.fingerprint)
+
     @property
     def is_plain(self) -> bool:
         """Whether it is convex with few edges: then normals alone tell what is seen of it."""
