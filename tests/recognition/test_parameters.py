@@ -13,6 +13,7 @@ from mffdrake.recognition import ParameterError, TrackerParameters
 from mffdrake.recognition.parameters import (
     Count,
     Finite,
+    InputError,
     Interval,
     NonNegative,
     OneOf,
@@ -433,3 +434,11 @@ def test_every_parameter_of_the_recognizer_is_described_checked_and_written(cls)
         name = field.name
         assert name in error_of(lambda name=name: cls(**{name: object()}))
         assert name in error_of(lambda name=name: read_parameters(cls, {name: [{"a": "b"}]}))
+
+
+@pytest.mark.parametrize("length", [1500, 1501, 1502, 5000])
+def test_a_message_is_at_most_1500_characters(length):
+    words = "ab" * (length // 2) + "c" * (length % 2)
+    message = str(InputError(words))
+    assert message == words if length <= 1500 else len(message) in (1499, 1500)
+    assert message[:100] == words[:100] and message[-100:] == words[-100:]

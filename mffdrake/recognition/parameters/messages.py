@@ -12,6 +12,7 @@ __all__ = ["TAG", "InputError", "did_you_mean", "explain", "shorten", "shown", "
 
 _LONG = 100  # characters of a value
 _LONGEST = 1500  # characters of a message
+_GAP = " ... "
 
 
 class InputError(Exception):
@@ -20,8 +21,8 @@ class InputError(Exception):
     def __str__(self) -> str:
         """The message in one line; one that is too long to be read lacks its middle."""
         text = "\\n".join(super().__str__().splitlines())
-        half = _LONGEST // 2
-        return text if len(text) <= _LONGEST else f"{text[:half]} ... {text[-half:]}"
+        half = (_LONGEST - len(_GAP)) // 2
+        return text if len(text) <= _LONGEST else f"{text[:half]}{_GAP}{text[-half:]}"
 
 
 TAG = "_tag"

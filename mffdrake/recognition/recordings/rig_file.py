@@ -258,7 +258,7 @@ def _FromFile(folder: Path, name: str, keys: _CameraKeys) -> _Placed:
     except CalibrationError as error:
         raise RigError(f"{where}.calibration: {error}") from error
     except OSError as error:
-        raise RigError(f"{where}.calibration: {file}: {error.strerror}") from error
+        raise RigError(f"{where}.calibration: {shorten(str(file))}: {error.strerror}") from error
     camera = dc.replace(read.camera, calibration_error=CALIBRATION_ERROR)
     return _Placed(camera, "world" if read.has_pose else "")
 
