@@ -413,6 +413,15 @@ def test_transport_past_half_a_turn_keeps_eta_positive():
     )
 
 
+@pytest.mark.parametrize("axis", [*np.eye(3), [1.0, 2.0, 3.0], [-3.0, 1.0, 0.0], [0.0, -1.0, 2.0]])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 2.0, 3.0, np.pi - 1e-9])
+def test_any_turn_is_transported_by_its_quaternion(axis, angle):
+    """The compiled function has it from the same formulas, whichever entry is the largest."""
+    R = turn(angle * np.array(axis) / np.linalg.norm(axis))
+    moved = transport_pose(np.zeros(6), R, np.zeros(3))
+    np.testing.assert_allclose(moved[3:], quaternion_vector(R), rtol=0, atol=2e-16)
+
+
 # Many at once
 
 

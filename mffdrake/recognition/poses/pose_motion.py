@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from mffdrake.recognition.poses.pose import (
     compose_quaternion_vectors,
     quaternion_scalar,
-    quaternion_vector,
     skew,
 )
 
@@ -148,7 +147,7 @@ def transport_pose(psi: ArrayLike, R_DC: ArrayLike, p_DC: ArrayLike) -> Array:
     psi = np.asarray(psi, dtype=float)
     R_DC, p_DC = np.array(R_DC, dtype=float), np.array(p_DC, dtype=float)
     poses = np.array(psi.reshape(-1, 6))
-    moved: Array = rotations.transport(poses, R_DC, p_DC, quaternion_vector(R_DC))
+    moved: Array = rotations.transport_by(poses, R_DC, p_DC)
     return moved.reshape(psi.shape)
 
 

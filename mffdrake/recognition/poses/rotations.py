@@ -68,6 +68,32 @@ def transport(poses: Array, R_DC: Array, p_DC: Array, q_DC: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def transport_by(poses: Array, R_DC: Array, p_DC: Array) -> Array:
+    """The same, of a rotation matrix alone."""
+    return transport(poses, R_DC, p_DC, quaternion_of(R_DC)[1:])  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def quaternion_of(R: Array) -> Array:
+    """The quaternion with a positive scalar part of a rotation matrix, as `quaternion_vector`."""
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    q = np.array([xx + yy + zz + 1.0, xx - yy - zz + 1.0, -xx + yy - zz + 1.0, -xx - yy + zz + 1.0])
+    best = np.argmax(q)
+    if best == 0:
+        q[1], q[2], q[3] = a, b, c
+    elif best == 1:
+        q[0], q[2], q[3] = a, d, e
+    elif best == 2:
+        q[0], q[1], q[3] = b, d, f
+    else:
+        q[0], q[1], q[2] = c, e, f
+    norm = math.sqrt((q[0] * q[0] + q[2] * q[2]) + (q[1] * q[1] + q[3] * q[3]))
+    return q / math.copysign(norm, q[0])
+
+
+@njit(cache=True, error_model="numpy")
 def transport_along(poses: Array, now: Array, later: Array) -> Array:
     """Pose vectors (N, 6), moved as a body is whose pose ``now`` becomes ``later``."""
     before, after = np.empty(4), np.empty(4)

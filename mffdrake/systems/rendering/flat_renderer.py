@@ -117,23 +117,21 @@ class FlatRenderEngine(RenderEngine):
 
     def DoRenderColorImage(self, camera: ColorRenderCamera, color_image_out: ImageRgba8U) -> None:
         """Draws the diffuse colors."""
-        image = _Pixels(color_image_out, np.uint32)
+        image = _Pixels(color_image_out, _COLOR)
         del color_image_out  # see _Pixels
-        image.fill(_GREY)
-        self._Draw(camera.core(), self._GetScene().colors, _NO_COLOR, image)
+        self._Draw(camera.core(), self._GetScene().colors, _NO_COLOR, _GREY, image)
 
     def DoRenderLabelImage(self, camera: ColorRenderCamera, label_image_out: ImageLabel16I) -> None:
         """Draws the labels; RenderLabel.kEmpty where there is nothing."""
-        image = _Pixels(label_image_out, np.int16)
+        image = _Pixels(label_image_out, _LABEL)
         del label_image_out  # see _Pixels
-        image.fill(_EMPTY)
-        self._Draw(camera.core(), self._GetScene().labels, _DO_NOT_RENDER, image)
+        self._Draw(camera.core(), self._GetScene().labels, _DO_NOT_RENDER, _EMPTY, image)
 
     def DoRenderDepthImage(self, camera: DepthRenderCamera, depth_image_out: ImageDepth32F) -> None:
         """Draws the depths along the line of sight [m]; 0 where too close, infinity too far."""
-        image = _Pixels(depth_image_out, np.float32)
+        image = _Pixels(depth_image_out, _DEPTH)
         del depth_image_out  # see _Pixels
-        inverse_depth, rectangle = self._Draw(camera.core(), None, 0, None)
+        inverse_depth, rectangle = self._Draw(camera.core(), None, 0, 0, None)
         depths, far = camera.depth_range(), camera.core().clipping().far()
         rasterizer.convert_depth(
             inverse_depth, rectangle, far, depths.min_depth(), depths.max_depth(), image
@@ -149,6 +147,7 @@ class FlatRenderEngine(RenderEngine):
         core: RenderCameraCore,
         paint: NDArray[Any] | None,
         unpainted: int,
+        background: int,
         image: NDArray[Any] | None,
     ) -> tuple[NDArray[np.float32], Rectangle]:
         """Draws all geometries; returns their inverse depth and the rectangle that holds them."""
@@ -168,13 +167,15 @@ class FlatRenderEngine(RenderEngine):
             self._scratch = np.empty(width * height, dtype=np.float32)
         inverse_depth = self._scratch[: width * height].reshape(height, width)
         rectangle = rasterizer.draw(
-            self._GetScene().surfaces, self._poses, self._X_WC, lens, paint, unpainted,
+            self._GetScene().surfaces, self._poses, self._X_WC, lens, paint, unpainted, background,
             inverse_depth, image,
         )  # fmt: skip
         return inverse_depth, rectangle
 
 
-def _Pixels(image: ImageRgba8U | ImageDepth32F | ImageLabel16I, dtype: type) -> NDArray[Any]:
+def _Pixels(
+    image: ImageRgba8U | ImageDepth32F | ImageLabel16I, dtype: np.dtype[Any]
+) -> NDArray[Any]:
     """An image's memory as an array (height, width), valid for as long as Drake keeps the image.
 
     Unlike `mutable_data`, the array does not keep pydrake's image object alive, nor must a local
@@ -182,10 +183,16 @@ def _Pixels(image: ImageRgba8U | ImageDepth32F | ImageLabel16I, dtype: type) -> 
     its callers' variables. Were the image object among them, pydrake would take it for the next
     image at that address, one on the stack and gone: "negative dimensions are not allowed".
     """
-    size = image.height() * image.width()
-    item = np.ctypeslib.as_ctypes_type(dtype)
-    memory = (item * size).from_address(image.mutable_data.ctypes.data)
-    return np.ctypeslib.as_array(memory).reshape(image.height(), image.width())
+    interface = image.mutable_data.__array_interface__
+    interface["shape"], interface["typestr"] = (image.height(), image.width()), dtype.str
+    return np.asarray(_Memory(interface))
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """Memory that NumPy makes an array of."""
+
+    __array_interface__: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -239,7 +246,8 @@ def _Pack(colors: ArrayLike) -> NDArray[np.uint32]:
     return np.floor(255.0 * channels + 0.5).astype(np.uint8).view(np.uint32)[..., 0]
 
 
-_GREY = _Pack(_BACKGROUND)
+_GREY = int(_Pack(_BACKGROUND))
+_COLOR, _LABEL, _DEPTH = np.dtype(np.uint32), np.dtype(np.int16), np.dtype(np.float32)
 _ANY_SHAPE = Sphere(1.0)
 
 

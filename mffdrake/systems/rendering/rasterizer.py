@@ -62,6 +62,7 @@ def draw(
     lens: Lens,
     paint: NDArray[Any] | None,
     unpainted: int,
+    background: int,
     inverse_depth: Floats,
     image: NDArray[Any] | None,
 ) -> Rectangle:
@@ -74,15 +75,18 @@ def draw(
         lens: The camera's intrinsics.
         paint: The value of each triangle in the image, shape (T,).
         unpainted: Triangles of this value are left out.
+        background: The value where nothing is drawn.
         inverse_depth: Receives 1 / z [1/m], or 1 / far where nothing is drawn, but only inside the
             returned rectangle. Shape (height, width).
-        image: Receives the triangles' values; shape (height, width). Where nothing is drawn it
-            stays as it is. None, with ``paint`` None, draws depth alone.
+        image: Receives the values; shape (height, width). None, with ``paint`` None, draws depth
+            alone.
 
     Returns:
         The columns ``i0 <= i < i1`` and rows ``j0 <= j < j1`` outside of which nothing is drawn.
     """
     height, width = inverse_depth.shape
+    if image is not None:
+        image[:, :] = background
     p_C = np.empty((len(surfaces.vertices), 3))
     uv = np.empty((len(surfaces.vertices), 2))
     view = np.zeros(len(surfaces.closed), dtype=np.int64)
