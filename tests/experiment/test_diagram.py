@@ -27,9 +27,8 @@ from mffdrake.systems.control.pd_gains import PD_GAINS
 from mffdrake.systems.timing import Timing
 
 PARTS = {
-    "plant", "scene_graph", "render_scene", "hand_path", "pd_controller", "gravity_compensation",
-    "stereo_camera", "target", "exposed_target",
-    "recognizer", "predictor",
+    "plant", "no_contacts", "scene_graph", "render_scene", "hand_path", "pd_controller",
+    "gravity_compensation", "stereo_camera", "target", "exposed_target", "recognizer", "predictor",
 }  # fmt: skip
 
 

@@ -102,6 +102,7 @@ def MakeHandEyeDiagram(
     """Builds the whole hand-eye system.
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
+    ``no_contacts`` (the scene in which the plant looks for contacts, an empty one),
     ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
     them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the
     scenario has a camera latency, encoder errors, disturbances or clutter, there are a

@@ -7,7 +7,7 @@ import dataclasses as dc
 import math
 
 import numpy as np
-from pydrake.geometry import Role, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
@@ -95,6 +95,12 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Station:
         ),
         builder,
     )
+    # The plant looks for contacts in every step, before which all shapes are moved. As nothing
+    # touches in the experiment, it looks where nothing is.
+    contacts = plant.get_geometry_query_input_port()
+    builder.Disconnect(scene_graph.get_query_output_port(), contacts)
+    empty = builder.AddNamedSystem("no_contacts", SceneGraph())
+    builder.Connect(empty.get_query_output_port(), contacts)
     arm = scenario.arm.AddToPlant(plant)
     AddFrames(plant, arm, scenario)
     target = AddScenarioTarget(scene_graph, scenario)
@@ -136,9 +142,7 @@ def SolvePath(arm: MultibodyPlant, scenario: Scenario) -> PiecewisePolynomial:
 def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Cameras:
     """Adds the cameras, their latencies and disturbances, and the scenes that they see.
 
-    The plant asks its scene for contacts in every step, which brings all renderers' poses up to
-    date. So cameras get a scene of their own, which is asked at frames only, one for each latency;
-    and as nothing touches in the experiment, the plant's own scene does without shapes for contact.
+    They get a scene of their own, one for each latency.
     """
     plant, mounts = station.plant, MakeMounts(scenario)
     rest = np.append(station.path.value(0.0), np.zeros(plant.num_velocities()))
@@ -147,11 +151,6 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
     queries: list[OutputPort] = []
     latencies = list(dict.fromkeys(mount.latency for mount in mounts))
     scenes = [station.scene_graph.Clone() for _ in latencies]
-    inspector = station.scene_graph.model_inspector()
-    for geometry in inspector.GetAllGeometryIds(Role.kProximity):
-        for source in (plant.get_source_id(), station.target.source):
-            if inspector.BelongsToSource(geometry, source):
-                station.scene_graph.RemoveRole(source, geometry, Role.kProximity)
     for latency, scene in zip(latencies, scenes, strict=True):
         cameras = tuple(mount.camera for mount in mounts if mount.latency == latency)
         suffix = f"_{cameras[0].name}" if exposed else ""
