@@ -1,6 +1,8 @@
 """Files appear whole or not at all, and trouble shows before any long work."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -115,3 +117,39 @@ def test_an_output_folder_where_nobody_can_write_is_an_error():
         MakeOutputFolder("/proc/mffdrake")  # Not even root can.
     with pytest.raises(OSError):
         MakeOutputFolder("/proc")
+
+
+WRITES = """
+import sys, time
+from mffdrake.recognition.recordings.files import WholeFile
+with WholeFile(sys.argv[1]) as part:
+    part.write_text("half")
+    print("begun", flush=True)
+    time.sleep(1000)
+"""
+
+
+def test_what_a_killed_process_left_is_removed_and_what_a_living_one_writes_is_not(tmp_path):
+    (tmp_path / "inside").mkdir()
+    (tmp_path / ".hidden").write_text("somebody's")
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", WRITES, tmp_path / name], stdout=subprocess.PIPE, text=True
+        )
+        for name in ("a.txt", "inside/b.npz", "c.txt")
+    ]
+    try:
+        for process in processes:
+            assert process.stdout.readline() == "begun\n"
+        for process in processes[:2]:
+            process.kill()
+            process.wait()
+        assert len([*tmp_path.rglob(".*.part.*")]) == 3
+        MakeOutputFolder(tmp_path)
+        (living,) = tmp_path.rglob(".*.part.*")
+        assert living.name.startswith(".c-") and living.read_text() == "half"
+        assert (tmp_path / ".hidden").exists()
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 __all__ = ["MakeOutputFolder", "WholeFile"]
+
+_PARTS = ".*-????????.part*"  # the temporary names
 
 
 @contextmanager
@@ -36,12 +39,9 @@ def WholeFile(path: Path | str) -> Iterator[Path]:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a directory, not a file", str(path))
     try:
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=f".part{path.suffix}"
-        )
+        handle, name = _MakePart(path)
     except OSError as error:  # Name the file that is wanted, not the temporary one.
         raise type(error)(error.errno, error.strerror, str(path)) from error
-    os.close(handle)
     part = Path(name)
     try:
         yield part
@@ -56,10 +56,28 @@ def WholeFile(path: Path | str) -> Iterator[Path]:
         raise
     finally:
         part.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _MakePart(path: Path) -> tuple[int, str]:
+    """A new temporary file beside another one, locked for as long as its handle is open."""
+    while True:
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.stem}-", suffix=f".part{path.suffix}"
+        )
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        except OSError:  # Such a file system has no locks; then what is left stays, too.
+            return handle, name
+        if os.fstat(handle).st_nlink:  # Else it was taken for a leftover before it was locked.
+            return handle, name
+        os.close(handle)
 
 
 def MakeOutputFolder(folder: Path | str) -> Path:
     """Makes a folder and checks that files can be written there, before any long work.
+
+    What `WholeFile` left there, and in the folders inside, when its process was killed is removed.
 
     Args:
         folder: The folder.
@@ -83,4 +101,17 @@ def MakeOutputFolder(folder: Path | str) -> Path:
             pass
     except OSError as error:
         raise type(error)(error.errno, error.strerror, str(folder)) from error
+    _RemoveLeftovers(folder)
     return folder
+
+
+def _RemoveLeftovers(folder: Path) -> None:
+    """Removes temporary files that nobody has locked: their process is gone."""
+    for part in [*folder.glob(_PARTS), *folder.glob(f"*/{_PARTS}")]:
+        with suppress(OSError):
+            handle = os.open(part, os.O_RDWR)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                part.unlink()
+            finally:
+                os.close(handle)
