@@ -94,7 +94,8 @@ def _CalcDesiredPoses(scenario: Scenario, times: Iterable[float]) -> NDArray[np.
         (CalcHandPose(time) @ X_EC).InvertAndCompose(scenario.target.CalcPose(time))
         for time in times
     ]
-    return np.array([pose_from_transform(X.rotation().matrix(), X.translation()) for X in X_CM])
+    R_CM = np.array([X.rotation().matrix() for X in X_CM])
+    return pose_from_transform(R_CM, np.array([X.translation() for X in X_CM]))
 
 
 def WarnOutside(scenario: Scenario, solid: SolidModel, rig: CameraRig) -> None:
