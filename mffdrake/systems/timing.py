@@ -5,6 +5,10 @@ floating point two periodic events of 0.033 s and 0.001 s do not: ``k * 0.033 !=
 for one k in six, so vision would run one rounding error beside the tick, in a simulation step of
 its own. The remedy: all systems declare events with the control period, and those that work at the
 vision rate act on the frames' ticks only, found by counting ticks instead of comparing times.
+
+That costs each of them some microseconds at every tick. Where the vision period is a whole multiple
+of the control period to the last bit (as it is when the latter is 1e-18 s more than 0.001 s), both
+products are rounded from the same number, and events of the vision period will do.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from mffdrake.recognition.parameters import Period, parameters
 __all__ = ["Timing"]
 
 _MAX_DENOMINATOR = 1_000_000
+_MOST_COINCIDING = 4096  # ticks a frame: so the periods change by less than 2^-40
 _MOST_TICKS = 100_000  # of a latency: so many states are kept, and copied at every tick
 
 
@@ -65,6 +70,38 @@ class Timing:
         """The least whole numbers of control ticks and of frames that take the same time."""
         quotient = Fraction(self.vision_period) / Fraction(self.control_period)
         return quotient.limit_denominator(_MAX_DENOMINATOR).as_integer_ratio()
+
+    @property
+    def coincides(self) -> bool:
+        """Whether the vision period is a whole multiple of the control period to the last bit."""
+        ticks, frames = self._ticks_and_frames
+        exact = ticks * Fraction(self.control_period)
+        return frames == 1 and Fraction(self.vision_period) == exact
+
+    def Coinciding(self) -> Timing:
+        """These periods, longer by less than one part in 10^12 where that makes them coincide.
+
+        Example:
+            >>> Timing().coincides, Timing().Coinciding().coincides
+            (False, True)
+            >>> Timing().Coinciding().vision_period - 0.033 < 1e-16
+            True
+        """
+        ticks, frames = self._ticks_and_frames
+        if self.coincides or frames > 1 or ticks > _MOST_COINCIDING:
+            return self
+        mantissa, exponent = math.frexp(self.control_period)  # of 53 bits, as the product's
+        digits = 2 ** (53 - ticks.bit_length())
+        control = math.ldexp(math.ceil(mantissa * digits) / digits, exponent)
+        return Timing(control_period=control, vision_period=ticks * control)
+
+    @property
+    def event_period(self) -> float:
+        """How often a system that works at the frames needs an event [s]; `IsVisionTick` says when.
+
+        The vision period where that `coincides`, otherwise the control period.
+        """
+        return self.vision_period if self.coincides else self.control_period
 
     def Tick(self, time: float) -> int:
         """Number of the control tick at (or nearest to) a time [s]."""

@@ -183,15 +183,15 @@ def test_the_scenarios_choices_reach_the_parts():
     assert tracker.generations_per_frame == 2
     assert tracker.seed == 5
     assert tracker.white_balance == AdaptiveWhiteBalance(0.02)
-    assert diagram.GetSubsystemByName("plant").time_step() == 0.002
+    assert diagram.GetSubsystemByName("plant").time_step() == pytest.approx(0.002, rel=1e-14)
     assert names(diagram) == PARTS - {"gravity_compensation"}
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.149)
     recognizer = diagram.GetSubsystemByName("recognizer")
     context = recognizer.GetMyContextFromRoot(simulator.get_context())
-    assert recognizer.GetOutputPort("frame_time").Eval(context)[0] == Timing(
-        control_period=0.002, vision_period=0.05
-    ).TimeOfFrame(2)
+    timing = Timing(control_period=0.002, vision_period=0.05).Coinciding()
+    assert recognizer.timing == timing
+    assert recognizer.GetOutputPort("frame_time").Eval(context)[0] == timing.TimeOfFrame(2)
 
 
 @pytest.mark.parametrize(

@@ -264,6 +264,33 @@ def test_every_frame_coincides_with_a_control_tick(timing, frames):
     assert vision.times == [timing.TimeOfFrame(frame) for frame in range(frames)]
 
 
+@pytest.mark.parametrize("timing", [*TIMINGS, Timing(vision_period=4.096)], ids=periods)
+def test_periods_are_made_to_coincide_by_lengthening_them_a_little(timing):
+    near = timing.Coinciding()
+    assert near.coincides and near.Coinciding() == near
+    for name in ("control_period", "vision_period"):
+        exact, given = getattr(near, name), getattr(timing, name)
+        assert given <= exact <= given * (1.0 + 1e-12)
+    ticks = near.TickOfFrame(1)
+    assert ticks == timing.TickOfFrame(1)
+    for k in np.random.default_rng(0).integers(1, 10**9, 10_000).tolist():
+        assert k * near.vision_period == (k * ticks) * near.control_period
+
+
+@pytest.mark.parametrize("timing", [*BETWEEN, Timing(vision_period=4.097)], ids=periods)
+def test_other_periods_stay_as_they_are(timing):
+    assert timing.Coinciding() is timing and timing.event_period == timing.control_period
+
+
+def test_periods_that_coincide_need_no_events_between_the_frames():
+    timing = Timing().Coinciding()
+    control, vision = EventTimes(timing.control_period), EventTimes(timing.event_period)
+    simulator = simulate(timing.TimeOfFrame(3000), control, vision)
+    assert simulator.get_num_steps_taken() == 99_000
+    assert vision.times == [timing.TimeOfFrame(frame) for frame in range(3000)]
+    assert set(vision.times) <= set(control.times)
+
+
 def test_a_naive_pair_of_periods_drifts_apart():
     """Why `Timing` exists: Drake's events fall on offset + k * period, rounded."""
     control, vision = EventTimes(0.001), EventTimes(0.033)
@@ -389,14 +416,16 @@ def test_the_hand_eye_system_takes_its_frames_on_control_ticks(method):
     diagram = MakeHandEyeDiagram(make_scenario(method))
     simulator = Simulator(diagram)
     recognizer = diagram.GetSubsystemByName("recognizer")
+    timing = recognizer.timing
     frame_time = recognizer.GetOutputPort("frame_time")
     context = recognizer.GetMyContextFromRoot(simulator.get_context())
     seen = []
     for tick in range(1, 101):
-        simulator.AdvanceTo(Timing().TimeOfTick(tick))
+        simulator.AdvanceTo(timing.TimeOfTick(tick))
         (time,) = frame_time.Eval(context)
         if time not in seen:
             seen.append(time)
             assert tick == 33 * len(seen) - 32
-    assert seen == [0.0, 0.033, 0.066, 0.099] == [Timing().TimeOfFrame(k) for k in range(4)]
+    assert seen == [timing.TimeOfFrame(k) for k in range(4)]
+    np.testing.assert_allclose(seen, [0.0, 0.033, 0.066, 0.099], rtol=1e-15)
     assert simulator.get_num_steps_taken() == 100

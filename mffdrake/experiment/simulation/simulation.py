@@ -146,8 +146,7 @@ def Simulate(
     if diagram is None:
         simulate = partial(Simulate, scenario, on_frame=on_frame, on_exposure=on_exposure)
         return UseDiagram(lambda: MakeHandEyeDiagram(scenario), lambda d: simulate(diagram=d))
-    timing = scenario.timing
-    simulator = Simulator(diagram)
+    timing, simulator = scenario.timing.Coinciding(), Simulator(diagram)  # the diagram's timing
     _WarmUp(diagram, simulator.get_context())
     recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())
     for frame in range(timing.NumFrames(scenario.duration)):
@@ -164,8 +163,9 @@ def Simulate(
         if end > timing.TimeOfTick(tick + 1):
             simulator.AdvanceTo(end)
         recorder.FinishFrame(next_tick - tick)
-        if on_frame is not None and on_frame(simulator.get_context().get_time(), recorder.wall_s):
-            return recorder.Result(dc.replace(scenario, duration=end))
+        told = min(scenario.timing.TimeOfTick(next_tick), scenario.duration)
+        if on_frame is not None and on_frame(told, recorder.wall_s):
+            return recorder.Result(dc.replace(scenario, duration=told))
     return recorder.Result(scenario)
 
 
@@ -284,7 +284,6 @@ class _Recorder:
         X_CM = self._true_pose.Calc(self._diagram_context, frame_time)
         X_WEd = self._desired_hand(frame_time)
         for name, value in (
-            ("time", frame_time),
             ("joint_positions", state[: self._num_joints]),
             ("joint_velocities", state[self._num_joints :]),
             ("true_pose", X_CM.GetAsMatrix34()),
@@ -334,11 +333,12 @@ class _Recorder:
         """The record, of a scenario as long as it was simulated."""
         wall_s = self.wall_s
         rows = self._rows.Columns(self._num_frames)
+        rows["time"] = np.array([*map(scenario.timing.TimeOfFrame, range(self._num_frames))])
         for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
             X = rows[name].reshape(-1, 3, 4)
             rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
         matcher = getattr(self._recognizer.tracker, "matcher", None)  # Others keep what they know.
-        symmetries = NO_SYMMETRIES if matcher is None else find_symmetries(matcher.solid)
+        symmetries = find_symmetries(matcher.solid) if matcher else NO_SYMMETRIES
         nearest = map(symmetries.nearest, rows["recognized_pose"], rows["true_pose"])
         rows["recognized_pose"] = np.array(list(nearest)).reshape(-1, 6)
         return SimulationResult(

@@ -45,6 +45,11 @@ class Exposures:
         """Number of rows to keep."""
         return self._timing.MaxFrames(self._delay_ticks) + 1
 
+    @property
+    def event_period(self) -> float:
+        """How often a system that samples at the exposures needs an event [s]."""
+        return self._timing.event_period if self._delay_ticks == 0 else self._timing.control_period
+
     def IsExposure(self, time: float) -> bool:
         """Whether the tick at a time [s] is an exposure's."""
         return self._timing.IsVisionTick(time, delay_ticks=self._delay_ticks)

@@ -172,7 +172,7 @@ class MffPredictor(LeafSystem):
         self.DeclareVectorOutputPort("pose_rate", 6, WeakCallback(self._CalcPoseRate))
 
         self.DeclarePeriodicDiscreteUpdateEvent(
-            self._timing.control_period, 0.0, self._SampleOnExposure
+            self._exposures.event_period, 0.0, self._SampleOnExposure
         )
         self.DeclareForcedDiscreteUpdateEvent(self._Sample)
 

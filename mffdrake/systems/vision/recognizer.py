@@ -170,7 +170,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         )
 
         self.DeclarePeriodicDiscreteUpdateEvent(
-            self._timing.control_period, 0.0, self._UpdateOnVisionTick
+            self._timing.event_period, 0.0, self._UpdateOnVisionTick
         )
         self.DeclareForcedDiscreteUpdateEvent(self._TakeFrame)
 

@@ -156,6 +156,7 @@ def MakeHandEyeDiagram(
         60
     """
     builder = DiagramBuilder()
+    scenario = dc.replace(scenario, timing=scenario.timing.Coinciding())
     station = AddStation(builder, scenario)
     control = AddControl(builder, scenario, station)
     cameras = AddCameras(builder, scenario, station)
