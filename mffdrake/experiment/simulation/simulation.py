@@ -253,6 +253,8 @@ class _Recorder:
         self._X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
         self._recognizer = diagram.GetSubsystemByName("recognizer")
         self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
+        names = ("pose", "fitness", "state", "confidence", "is_tracking")
+        self._results = [(name, self._recognizer.GetOutputPort(name)) for name in names]
         self._image_ports = [
             diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
             for name in self._recognizer.tracker.rig.names
@@ -307,12 +309,10 @@ class _Recorder:
     def RecordRecognition(self) -> None:
         """Notes what the recognizer made of the frame, one tick later."""
         self._marks.append(time.perf_counter())
-        context = self._recognizer_context
-        pose = self._recognizer.GetOutputPort("pose").Eval(context)
-        self._rows.Set(self._num_frames, "recognized_pose", pose)
-        for name in ("fitness", "state", "confidence", "is_tracking"):
-            (value,) = self._recognizer.GetOutputPort(name).Eval(context)
-            self._rows.Set(self._num_frames, name, value)
+        for name, port in self._results:
+            value = port.Eval(self._recognizer_context)
+            column, value = ("recognized_pose", value) if name == "pose" else (name, value[0])
+            self._rows.Set(self._num_frames, column, value)
 
     def FinishFrame(self, ticks: int) -> None:
         """Notes the stages' times at the end of a frame."""
