@@ -90,7 +90,7 @@ def test_without_a_name_the_studies_are_told():
     _, _, *told = finished.stdout.splitlines()
     names = {line.split()[0] for line in told}
     pages = {path.stem for path in (ROOT / "docs" / "studies").glob("*.md")}
-    assert names == pages | {"kills"}  # which needs no page
+    assert names == pages | {"kills", "scale"}  # which need no page
 
 
 def test_an_unknown_name_is_an_error():
@@ -102,9 +102,15 @@ def test_an_unknown_name_is_an_error():
 @pytest.mark.parametrize(
     "study",
     ["accuracy", "real_images", "acquisition", "targets", "confidence", "robustness", "servoing",
-     "performance", "kills"],
+     "performance", "kills", "scale"],
 )  # fmt: skip
 def test_each_study_tells_its_options(study):
     finished = run(study, "--help")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.startswith(f"usage: benchmarks {study}")
+
+
+def test_a_few_of_the_many_runs_on_a_cluster():
+    finished = run("scale", "--runs", "12", "--workers", "1")
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.splitlines()[-1] == "12 of 12 runs are in the table of results."

@@ -20,13 +20,14 @@ __all__ = ["address_of", "generator_at"]
 _MEMBERS = ("state", "fnptr_next_uint64", "fnptr_next_uint32", "fnptr_next_double")
 """How ``bitgen_t`` of NumPy's C API begins, by numba's names."""
 
-_pointer = ctypes.pythonapi.PyCapsule_GetPointer
-_pointer.restype, _pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+_read_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
+    ("PyCapsule_GetPointer", ctypes.pythonapi)
+)
 
 
 def address_of(rng: np.random.Generator) -> int:
     """Where a generator's ``bitgen_t`` is, for as long as the generator is kept."""
-    address: int = _pointer(rng.bit_generator.capsule, b"BitGenerator")
+    address: int = _read_capsule(rng.bit_generator.capsule, b"BitGenerator")
     return address
 
 
