@@ -277,6 +277,14 @@ def test_a_run_whose_dask_worker_dies_every_time_fails(cluster):
     assert "died at each of 2 attempts" in outcomes[0].error
 
 
+def test_thousands_of_runs_come_back_from_a_cluster(cluster):
+    """They are sent in several portions."""
+    cluster.add_worker()
+    outcomes = run(DaskCluster(cluster.address), divmod, [(k, 7) for k in range(2600)])
+    assert sorted(outcome.index for outcome in outcomes) == list(range(2600))
+    assert all(outcome.value == divmod(outcome.index, 7) for outcome in outcomes)
+
+
 def test_a_cluster_without_workers_says_so_and_goes_on_when_some_join(cluster, caplog):
     def join():
         work.wait_for(lambda: "has no workers" in caplog.text, "the warning")

@@ -23,6 +23,7 @@ __all__ = ["ClusterError", "DaskCluster"]
 
 _log = logging.getLogger(__name__)
 _PATIENCE = 10.0  # s; how long a scheduler may take to answer
+_AHEAD = 1000  # how many runs to have there at a time; more than a cluster has workers
 _CHECK_PERIOD = 1.0  # s; how often to look whether the scheduler is still there
 
 # The one thread of a worker that simulates: graphics contexts belong to a thread. It starts when
@@ -126,14 +127,19 @@ class DaskCluster:
         """See `Executor`."""
         assert self._client is not None, "DaskCluster: enter it before its first run"
         ended: queue.SimpleQueue[distributed.Future] = queue.SimpleQueue()
-        futures = self._client.map(
-            functools.partial(_InOneThread, function), list(arguments), pure=False
-        )
-        pending = {future.key: index for index, future in enumerate(futures)}
-        while futures:  # The cluster forgets a run whose future is gone.
-            futures.pop().add_done_callback(ended.put)
-        told = ""
-        while pending:
+        pending: dict[str, int] = {}
+        told, submitted = "", 0
+        while pending or submitted < len(arguments):
+            # All of thousands at once would be a large message.
+            if len(pending) <= _AHEAD // 2 and submitted < len(arguments):
+                part = arguments[submitted : submitted + _AHEAD - len(pending)]
+                futures = self._client.map(
+                    functools.partial(_InOneThread, function), list(part), pure=False
+                )
+                pending |= {future.key: submitted + k for k, future in enumerate(futures)}
+                submitted += len(part)
+                while futures:  # The cluster forgets a run whose future is gone.
+                    futures.pop().add_done_callback(ended.put)
             try:
                 future = ended.get(timeout=_CHECK_PERIOD)
             except queue.Empty:
