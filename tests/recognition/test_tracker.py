@@ -117,6 +117,13 @@ def test_different_frames_and_seeds_give_different_numbers():
     assert len({start.tobytes() for start in starts}) == 4
 
 
+@pytest.mark.parametrize(("seed", "frame"), [(0, 0), (3, 77), (2**63, 10**9)])
+def test_a_frames_numbers_are_philoxs_with_seed_and_frame_for_a_key(seed, frame):
+    numbers = tracker(seed=seed).rng(frame).random(100)
+    expected = np.random.Generator(np.random.Philox(key=[seed, frame])).random(100)
+    np.testing.assert_array_equal(numbers, expected)
+
+
 @pytest.mark.parametrize("seed", [0, 2**31, 2**63])
 def test_seeds_may_be_large(seed):
     assert run(tracker(seed=seed), 1).poses.shape == (60, 6)

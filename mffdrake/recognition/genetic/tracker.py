@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
-from numpy.typing import ArrayLike, NDArray
+from numpy.random.bit_generator import ISeedSequence
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from mffdrake.recognition.camera.cameras import CameraRig
 from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images, Matcher
@@ -281,4 +282,19 @@ class OneStepGaTracker:
 
     def rng(self, frame: int) -> np.random.Generator:
         """A counter-based generator: its only state is the seed and the frame's number."""
-        return np.random.Generator(np.random.Philox(key=[self.seed, frame]))
+        key = _Key((self.seed, frame))
+        return np.random.Generator(np.random.Philox(key))  # type: ignore[arg-type]
+
+
+class _Key(ISeedSequence):
+    """Two numbers that are a generator's key. Given as ``key=``, NumPy seeds it first all the same.
+
+    For that it asks the operating system for random numbers, which takes much longer.
+    """
+
+    def __init__(self, words: tuple[int, int]) -> None:
+        self._words = words
+
+    def generate_state(self, n_words: int, dtype: DTypeLike = np.uint64) -> NDArray[np.uint64]:
+        """The key."""
+        return np.array(self._words, dtype=np.uint64)

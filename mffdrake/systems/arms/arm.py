@@ -6,6 +6,7 @@ Frames, in Drake's monogram notation: W world, E the hand.
 from __future__ import annotations
 
 import difflib
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,16 +88,18 @@ class ArmModel:
     nominal_deg: tuple[Finite, ...] = (0.0, 30.0, 0.0, 90.0, 0.0, -30.0, 0.0)
     held_joints: tuple[Text, ...] = ("S3",)
 
-    @property
+    @cached_property
     def nominal_positions(self) -> NDArray[np.float64]:
-        """The nominal posture [rad, or m where a joint slides], shape (n,).
+        """The nominal posture [rad, or m where a joint slides], shape (n,), not to be changed.
 
         Raises:
             ArmError: As :meth:`AddToPlant` does.
         """
         plant = self._MakeCheckedPlant()
         joints = MovingJoints(plant, plant.GetModelInstanceByName(self.model))
-        return _Positions(joints, self.nominal_deg)
+        positions = _Positions(joints, self.nominal_deg)
+        positions.flags.writeable = False
+        return positions
 
     def AddToPlant(self, plant: MultibodyPlant) -> ModelInstanceIndex:
         """Adds the directives' models to a plant.
@@ -120,7 +123,7 @@ class ArmModel:
                 "ArmModel: the plant is finalized already. Add the arm before plant.Finalize()."
             )
         # Only a finalized plant knows its joints' order: the checks have one of their own.
-        self._MakeCheckedPlant()
+        _ = self.nominal_positions
         self._ProcessDirectives(plant)
         return plant.GetModelInstanceByName(self.model)
 
