@@ -45,22 +45,27 @@ class Seen:
         rows: How many runs the store has.
         command_mb: Memory of the command [MB].
         workers_mb: Memory of the workers, on average [MB].
+        command_cpu: CPU time of the command so far [s].
+        workers_cpu: Of all workers [s].
     """
 
     seconds: float
     rows: int
     command_mb: float
     workers_mb: float
+    command_cpu: float
+    workers_cpu: float
 
 
-def seconds_alone(grid: Path) -> float:
-    """What a run takes in a process that does nothing else."""
+def seconds_alone(grid: Path) -> tuple[float, float]:
+    """Wall and CPU time of a run in a process that does nothing else."""
     runs = LoadGrid(grid).runs[: ALONE + 1]
     SimulateInWorker(runs[0].scenario, CodeFingerprint())  # loads everything
-    begin = time.perf_counter()
+    wall, cpu = time.perf_counter(), time.process_time()
     for run in runs[1:]:
         SimulateInWorker(run.scenario, CodeFingerprint())
-    return (time.perf_counter() - begin) / (len(runs) - 1)
+    count = len(runs) - 1
+    return (time.perf_counter() - wall) / count, (time.process_time() - cpu) / count
 
 
 def rows_in(store: Path) -> int:
@@ -73,9 +78,11 @@ def rows_in(store: Path) -> int:
     return 0
 
 
-def megabytes(pid: int) -> float:
-    """A process's memory."""
-    return psutil.Process(pid).memory_info().rss / 1e6
+def used(pids: list[int]) -> tuple[float, float]:
+    """Processes' memory, on average [MB], and their CPU time so far [s]."""
+    processes = [psutil.Process(pid) for pid in pids]
+    megabytes = sum(process.memory_info().rss / 1e6 for process in processes) / len(pids)
+    return megabytes, sum(sum(process.cpu_times()[:2]) for process in processes)
 
 
 def sweep(grid: Path, folder: Path, runs: int, workers: int) -> list[Seen]:
@@ -93,14 +100,14 @@ def sweep(grid: Path, folder: Path, runs: int, workers: int) -> list[Seen]:
         )  # fmt: skip
         begin = time.perf_counter()
         while command.poll() is None:
-            time.sleep(0.05)
+            time.sleep(0.25)
             rows = rows_in(folder / STORE_NAME)
             bar.update(rows - bar.n)
             if rows > len(seen) * (runs - 1) / WATCHED:
                 with suppress(psutil.Error):
-                    mean = sum(map(megabytes, pids)) / len(pids)
+                    (mb, cpu), (workers_mb, workers_cpu) = used([command.pid]), used(pids)
                     now = time.perf_counter() - begin
-                    seen.append(Seen(now, rows, megabytes(command.pid), mean))
+                    seen.append(Seen(now, rows, mb, workers_mb, cpu, workers_cpu))
     if command.returncode != 0:
         sys.exit(f"the command ended with status {command.returncode}")
     return seen
@@ -115,16 +122,22 @@ def main() -> None:
     folder = Path(tempfile.mkdtemp(prefix="scale-"))
     grid = folder / "many.yaml"
     grid.write_text(GRID.format(runs=options.runs))
-    alone = seconds_alone(grid)
+    alone, cpu_alone = seconds_alone(grid)
     seen = sweep(grid, folder / "out", options.runs, options.workers)
     first, last = seen[0], seen[-1]
     print(Markdown(
         ["s", "rows", "command MB", "a worker MB"],
         [[f"{s.seconds:.1f}", s.rows, f"{s.command_mb:.1f}", f"{s.workers_mb:.1f}"] for s in seen],
     ))  # fmt: skip
-    per_run = options.workers * (last.seconds - first.seconds) / max(1, last.rows - first.rows)
-    print(f"A run takes {1e3 * per_run:.1f} ms of a worker, {1e3 * alone:.1f} ms by itself: "
-          f"{1e3 * (per_run - alone):.1f} ms more.")  # fmt: skip
+    runs = max(1, last.rows - first.rows) / 1e3
+    per_run = options.workers * (last.seconds - first.seconds) / runs
+    worker_cpu = (last.workers_cpu - first.workers_cpu) / runs
+    command_cpu = (last.command_cpu - first.command_cpu) / runs
+    print(f"A run takes {per_run:.1f} ms of a worker, {1e3 * alone:.1f} ms by itself: "
+          f"{per_run - 1e3 * alone:.1f} ms more.")  # fmt: skip
+    print(f"CPU time of a run: {worker_cpu:.1f} ms in the worker and {command_cpu:.1f} ms in the "
+          f"command, {1e3 * cpu_alone:.1f} ms by itself: "
+          f"{worker_cpu + command_cpu - 1e3 * cpu_alone:.1f} ms more.")  # fmt: skip
     status = pyarrow.parquet.read_table(folder / "out" / "results.parquet")["status"].to_pylist()
     done = status.count("done")
     print(f"{done} of {options.runs} runs are in the table of results.")

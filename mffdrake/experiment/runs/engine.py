@@ -10,7 +10,7 @@ from typing import Any
 
 from mffdrake.experiment.runs.executors.executors import Executor
 from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
-from mffdrake.experiment.runs.store import CodeFingerprint, Record, RunKey, RunStore
+from mffdrake.experiment.runs.store import CodeFingerprint, Record, RunKey, RunStore, StoreError
 from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
@@ -171,8 +171,15 @@ def RunPlan(
                 record = Record(row=row, error=outcome.error, attempts=outcome.attempts)
                 store.Put(RunKey(run.scenario, code), run.scenario.Dump(), code, record, frames)
                 ended = EndedRun(run=run, record=record, frames=frames, exception=outcome.exception)
-                found[run.scenario.fingerprint] = ended
+                if frames is not None:
+                    found[run.scenario.fingerprint] = ended
                 tell(ended)
+    # Meanwhile, thousands of records take no memory.
+    others = [run for run in missing if run.scenario.fingerprint not in found]
+    for run, kept in zip(others, KeptRuns(others, store), strict=True):
+        if kept is None:
+            raise StoreError("runs that were kept just now are gone; the same command repeats them")
+        found[run.scenario.fingerprint] = dc.replace(kept, was_kept=False)
     return [dc.replace(found[run.scenario.fingerprint], run=run) for run in plan]
 
 
