@@ -14,9 +14,11 @@ __all__ = ["CollectInterrupts", "Interrupted", "SignalsInterrupt"]
 # A person, a batch system, and a terminal or connection that is closed.
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Where C++ calls Python back, or may find half of a thing, when numba compiles or loads a function,
-# or makes Python's objects of what one returns: exceptions are swallowed there, and what follows is
-# another error or a crash.
-_UNSAFE = ("llvmlite.binding.", "numba.core.codegen.", "numba.core.serialize.")
+# or makes Python's objects of what one returns, and where modules are imported: exceptions are
+# swallowed there, and what follows is another error or a crash.
+_UNSAFE = (
+    "llvmlite.binding.", "numba.core.codegen.", "numba.core.serialize.", "importlib._bootstrap.",
+)  # fmt: skip
 _AGAIN = 0.005  # s; how soon to look whether that is over
 
 

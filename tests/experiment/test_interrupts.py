@@ -1,6 +1,7 @@
 """Ctrl-C, SIGTERM and SIGHUP: when they interrupt, and what a command does then."""
 
 import fcntl
+import importlib
 import os
 import pty
 import re
@@ -99,6 +100,21 @@ def test_a_signal_waits_for_the_end_of_a_finalizer(capfd):
         while True:
             pass
     assert capfd.readouterr().err == ""
+
+
+def test_a_signal_waits_for_the_end_of_an_import(tmp_path, monkeypatch):
+    """Libraries that do without another one swallow whatever its import ends with."""
+    (tmp_path / "does_without.py").write_text(
+        "import signal\ntry:\n    signal.raise_signal(signal.SIGINT)\n    whole = True\n"
+        "except BaseException:\n    whole = False\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    whole = None
+    with pytest.raises(Interrupted), SignalsInterrupt():
+        whole = importlib.import_module("does_without").whole
+        while True:
+            pass
+    assert whole is True
 
 
 EVERYWHERE = """

@@ -107,11 +107,11 @@ def _Call(
         message = f"cannot use {name}: {error.strerror}" if name else f"{error.strerror or error}"
     except (InputError, WorkerDiedError) as error:
         message = str(error)
-    except SystemError:  # what C code makes of an exception where it called Python
-        if not received:
-            raise
     except KeyboardInterrupt as error:
         received.append(getattr(error, "number", signal.SIGINT))
+    except Exception:  # what C code or a library makes of an interrupt
+        if not received:
+            raise
     if received:  # Whatever it led to.
         end = Interrupted(received[0])
         with contextlib.suppress(OSError):  # The terminal may be gone.
