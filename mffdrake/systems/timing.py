@@ -81,6 +81,10 @@ class Timing:
     def Coinciding(self) -> Timing:
         """These periods, longer by less than one part in 10^12 where that makes them coincide.
 
+        Returns:
+            A timing that `coincides`; this one where the vision period is not nearly a whole
+            multiple of the control period, or is more than 4096 of them.
+
         Example:
             >>> Timing().coincides, Timing().Coinciding().coincides
             (False, True)
@@ -102,6 +106,10 @@ class Timing:
         The vision period where that `coincides`, otherwise the control period.
         """
         return self.vision_period if self.coincides else self.control_period
+
+    def IsShort(self, seconds: float) -> bool:
+        """Whether a time [s] is less than a control period, which may be a little lengthened."""
+        return seconds < (1.0 - 1e-9) * self.control_period
 
     def Tick(self, time: float) -> int:
         """Number of the control tick at (or nearest to) a time [s]."""

@@ -768,3 +768,10 @@ def test_of_many_small_faces_there_are_no_more_points_than_of_a_few_large_ones()
     upright = solid.edge_lengths > 0.049
     wanted = 600 * solid.edge_lengths[upright].sum() / solid.edge_lengths.sum()
     assert np.diff(model.edge_start)[upright].sum() == pytest.approx(wanted, abs=2)
+
+
+def test_solids_are_equal_when_their_content_is():
+    box, same = (SolidModel.box((0.1, 0.2, 0.3), (RED, GREEN, BLUE)) for _ in range(2))
+    other = SolidModel.box((0.1, 0.2, 0.3), (RED, BLUE, GREEN))
+    assert box == same and hash(box) == hash(same) and len({box, same, other}) == 2
+    assert box != other and box != "a box"

@@ -123,12 +123,13 @@ class Scenario:
     def __post_init__(self) -> None:
         """Checks what concerns several sections."""
         tick = self.timing.control_period
-        shortest = (1.0 - 1e-9) * tick  # as the periods may have been made to coincide
-        if self.duration < shortest:
+        if self.timing.IsShort(self.duration):
             raise ValueError(
                 f"duration must be at least timing.control_period ({tick} s), not {self.duration}"
             )
-        if isinstance(self.servo, ServoConfig) and self.servo.controller.period < shortest:
+        if isinstance(self.servo, ServoConfig) and self.timing.IsShort(
+            self.servo.controller.period
+        ):
             raise ValueError(
                 f"servo.controller.period must be at least timing.control_period ({tick} s), not "
                 f"{self.servo.controller.period}"

@@ -146,7 +146,7 @@ def Simulate(
     if diagram is None:
         simulate = partial(Simulate, scenario, on_frame=on_frame, on_exposure=on_exposure)
         return UseDiagram(lambda: MakeHandEyeDiagram(scenario), lambda d: simulate(diagram=d))
-    timing, simulator = scenario.timing.Coinciding(), Simulator(diagram)  # the diagram's timing
+    timing, simulator = diagram.GetSubsystemByName("recognizer").timing, Simulator(diagram)
     _WarmUp(diagram, simulator.get_context())
     recorder = _Recorder(scenario, diagram, simulator.get_mutable_context())
     for frame in range(timing.NumFrames(scenario.duration)):

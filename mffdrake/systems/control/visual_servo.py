@@ -135,7 +135,7 @@ class VisualServoController(LeafSystem):
         super().__init__()
         self._parameters = p = ServoParameters() if parameters is None else parameters
         timing = Timing() if timing is None else timing
-        if p.period < (1.0 - 1e-9) * timing.control_period:  # which may be a rounded one
+        if timing.IsShort(p.period):
             raise ValueError(
                 f"VisualServoController: period must be at least the control period of "
                 f"{timing.control_period} s, not {p.period} s"
