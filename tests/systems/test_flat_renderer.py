@@ -545,6 +545,25 @@ def test_clones_are_independent():
     assert_equal(photograph(other, *cameras()), first)
 
 
+def test_an_image_that_is_drawn_again_is_as_if_drawn_anew():
+    """Only where something was drawn before, it is cleared: equal to what a new image shows."""
+    engine = MakeFlatRenderEngine()
+    register(engine, Mesh(TARGET), AHEAD)
+    color, _ = cameras()
+    again = {kind: kind(CAMERA.width, CAMERA.height) for kind in (ImageRgba8U, ImageLabel16I)}
+    places = [[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0.3], [0, 0, 0.9], [0, 0, 3], [0.2, -0.2, 0.4]]
+    for k, place in enumerate(places):
+        engine.UpdateViewpoint(RigidTransform(place))
+        new = photograph(engine, *cameras())
+        engine.RenderColorImage(color, again[ImageRgba8U])
+        engine.RenderLabelImage(color, again[ImageLabel16I])
+        np.testing.assert_array_equal(again[ImageRgba8U].data, new.color)
+        np.testing.assert_array_equal(again[ImageLabel16I].data[..., 0], new.label)
+        if k % 2:  # Someone draws on Drake's image himself.
+            cv2.rectangle(again[ImageRgba8U].mutable_data, (5, 5), (90, 70), (1, 2, 3, 4))
+            again[ImageLabel16I].mutable_data[40:80, 9] = 5
+
+
 # Mistakes.
 
 

@@ -34,6 +34,7 @@ from mffdrake.systems.rendering.surfaces import MakeSurface, Surface
 __all__ = ["AddFlatRenderer", "FlatRenderEngine", "MakeFlatRenderEngine"]
 
 _BACKGROUND = (0.5, 0.5, 0.5, 1.0)
+_MOST_CANVASES = 16  # A scene's cameras have as many images each time; others come once.
 _NO_COLOR = 0  # a pixel of alpha 0: such triangles are left out of the color image
 _EMPTY, _DO_NOT_RENDER = int(RenderLabel.kEmpty), int(RenderLabel.kDoNotRender)
 
@@ -49,7 +50,9 @@ class FlatRenderEngine(RenderEngine):
     is translucent is opaque; but as in VTK, what has an alpha of 0 is left out of the color image
     alone.
 
-    The state is the geometries, their poses and the viewpoint; equal states give equal bits.
+    The state is the geometries, their poses and the viewpoint; equal states give equal bits. On an
+    image that it drew before it clears what it drew, and all of it where it finds it changed: do
+    not draw on Drake's images, but on copies.
 
     Note:
         Add it to a scene with `AddFlatRenderer`, not with `SceneGraph.AddRenderer` alone.
@@ -64,6 +67,8 @@ class FlatRenderEngine(RenderEngine):
         self._scene: _Scene | None = None
         self._poses: NDArray[np.float64] | None = None
         self._scratch: NDArray[np.float32] = np.empty(0, dtype=np.float32)
+        # Where on an image, by its address, something is drawn.
+        self._drawn: dict[tuple[int, int, int], Rectangle] = {}
 
     def UpdateViewpoint(self, X_WR: RigidTransform) -> None:
         """Puts the camera at X_WR (x right, y down, z along the line of sight)."""
@@ -163,13 +168,18 @@ class FlatRenderEngine(RenderEngine):
             clipping.far(),
         )
         width, height = camera.width(), camera.height()
+        canvas = (0 if image is None else image.ctypes.data, width, height)
+        if len(self._drawn) > _MOST_CANVASES:
+            self._drawn.clear()
+        before = self._drawn.get(canvas, (0, width, 0, height))
         if len(self._scratch) < width * height:
             self._scratch = np.empty(width * height, dtype=np.float32)
         inverse_depth = self._scratch[: width * height].reshape(height, width)
         rectangle = rasterizer.draw(
             self._GetScene().surfaces, self._poses, self._X_WC, lens, paint, unpainted, background,
-            inverse_depth, image,
+            inverse_depth, image, before,
         )  # fmt: skip
+        self._drawn[canvas] = rectangle
         return inverse_depth, rectangle
 
 
