@@ -179,11 +179,10 @@ class Matcher:
             ValueError: When an image is missing, or has another type or size than its camera's; or
                 the gains are not positive.
         """
-        from mffdrake.recognition.camera.lens import measure_noise  # numba: slow to import
-        from mffdrake.recognition.fitness.structs import Scene
+        from mffdrake.recognition.fitness.structs import Scene  # numba: slow to import
 
         views = self.rig.views(images)
-        return Scene(views, self.structs[0], self._gate(gains), measure_noise(views))
+        return Scene(views, self.structs[0], self._gate(gains), np.full(1, math.nan))
 
     def balanced(self, scene: Scene, gains: Gains) -> Scene:
         """The same images with another white balance.

@@ -6,13 +6,14 @@ arrays is better taken apart by the caller of an inner loop.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.camera.lens import Eye, View, in_view
+from mffdrake.recognition.camera.lens import Eye, View, in_view, measure_noise
 from mffdrake.recognition.poses.rotations import rotated
 from mffdrake.recognition.visibility.aspects import Outlines, Visibility
 from mffdrake.recognition.visibility.drawing import aspect_of
@@ -68,13 +69,13 @@ class Scene(NamedTuple):
         views: One a camera.
         solid: The solid.
         gate: Its colors.
-        noise: Standard deviation of the pixels' noise, see `measure_noise`.
+        noise: What `noise_of` keeps, shape (1,); NaN until it is asked for.
     """
 
     views: tuple[View, ...]
     solid: Solid
     gate: ColorGate
-    noise: float
+    noise: Array
 
 
 class Samples(NamedTuple):
@@ -183,6 +184,15 @@ def aspect_shown(placed: Placed, middle: Array, grid: int) -> int:
     eye = placed.p_MK
     aspect: int = aspect_of(eye[0] - middle[0], eye[1] - middle[1], eye[2] - middle[2], grid)
     return aspect
+
+
+@njit(cache=True, error_model="numpy")
+def noise_of(scene: Scene) -> float:
+    """Standard deviation of the pixels' noise, see `measure_noise`; measured once a scene."""
+    if math.isnan(scene.noise[0]):
+        scene.noise[0] = measure_noise(scene.views)
+    noise: float = scene.noise[0]
+    return noise
 
 
 @njit(cache=True, error_model="numpy")

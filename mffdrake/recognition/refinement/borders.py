@@ -21,6 +21,7 @@ from mffdrake.recognition.fitness.structs import (
     in_camera,
     look_up,
     new_placed,
+    noise_of,
     place,
 )
 from mffdrake.recognition.poses.rotations import rotation
@@ -194,7 +195,7 @@ def find_borders(
     along, across, x, y = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     sought = np.zeros(len(scene.views), dtype=np.int64)
     room = stage.window + rules.blend + 3  # what `_find_border` may read on either side
-    count, seen, n = 0, -1, 0
+    count, seen, n, noise = 0, -1, 0, noise_of(scene)
     R_CM, placed, none = rotation(pose[3:]), new_placed(), np.uint32(0)
     for view in scene.views:
         pixels, eye = view.pixels, view.eye
@@ -247,9 +248,7 @@ def find_borders(
                 sought[seen] += 1
                 origin = row * eye.width if line.rows else row
                 scan = Scan(origin, stride, length, expected, outward, stage.window)
-                position, blended = _find_border(
-                    pixels, scan, sides, scene.gate, scene.noise, rules
-                )
+                position, blended = _find_border(pixels, scan, sides, scene.gate, noise, rules)
                 if abs(position - expected) <= stage.window:
                     border = borders[count]
                     border.line, border.along, border.across = here, along[r], position
