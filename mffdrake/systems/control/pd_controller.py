@@ -8,9 +8,8 @@ import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
-    Adder,
-    Gain,
     MatrixGain,
+    Multiplexer,
     PassThrough,
     Saturation,
     ZeroOrderHold,
@@ -22,7 +21,7 @@ from mffdrake.systems.timing import Timing
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from pydrake.multibody.plant import MultibodyPlant
-    from pydrake.systems.framework import Context, DiscreteValues, InputPort, OutputPort, System
+    from pydrake.systems.framework import Context, DiscreteValues, InputPort, OutputPort
 
 __all__ = ["AddComputedTorque", "AddGravityCompensation", "PdController"]
 
@@ -96,22 +95,18 @@ class PdController(Diagram):
                 raise ValueError(f"PdController: effort_limit must be positive, not {limit}")
         builder = DiagramBuilder()
 
-        def add(name: str, system: System, *sources: System) -> System:
-            builder.AddNamedSystem(name, system)
-            for port, source in enumerate(sources):
-                builder.Connect(source.get_output_port(), system.get_input_port(port))
-            return system
-
-        estimated = add("estimated_state", Gain(-1.0, 2 * n))
-        desired = add("desired_state", Gain(1.0, 2 * n))
-        error = add("error", Adder(2, 2 * n), desired, estimated)
-        gains = add("gains", MatrixGain(np.hstack((np.diag(kp), np.diag(kd)))), error)
-        feedforward = add("feedforward_torque", PassThrough(np.zeros(n)))  # zeros by default
-        torque = add("torque", Adder(2, n), gains, feedforward)
-        clipped = add("effort_limit", Saturation(-limit, limit), torque)
-        hold = add("hold", _Hold((timing or Timing()).control_period, n), clipped)
-        builder.ExportInput(estimated.get_input_port(), "estimated_state")
-        builder.ExportInput(desired.get_input_port(), "desired_state")
+        # As few systems as can be: each takes its time every millisecond.
+        signals = builder.AddNamedSystem("signals", Multiplexer([2 * n, 2 * n, n]))
+        feedforward = builder.AddNamedSystem("feedforward_torque", PassThrough(np.zeros(n)))
+        builder.Connect(feedforward.get_output_port(), signals.get_input_port(2))  # 0 by default
+        gains = np.hstack((np.diag(kp), np.diag(kd)))
+        torque = builder.AddNamedSystem("torque", MatrixGain(np.hstack((-gains, gains, np.eye(n)))))
+        clipped = builder.AddNamedSystem("effort_limit", Saturation(-limit, limit))
+        hold = builder.AddNamedSystem("hold", _Hold((timing or Timing()).control_period, n))
+        for source, system in ((signals, torque), (torque, clipped), (clipped, hold)):
+            builder.Connect(source.get_output_port(), system.get_input_port())
+        builder.ExportInput(signals.get_input_port(0), "estimated_state")
+        builder.ExportInput(signals.get_input_port(1), "desired_state")
         builder.ExportInput(feedforward.get_input_port(), "feedforward_torque")
         builder.ExportOutput(hold.get_output_port(), "actuation")
         builder.BuildInto(self)
