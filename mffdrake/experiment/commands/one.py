@@ -22,8 +22,9 @@ from mffdrake.experiment.runs.table import WriteJson
 from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.pictures import Describe, DrawCameraView, DrawScene
-from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult, TruePose
+from mffdrake.experiment.simulation.simulation import Simulate, SimulationResult
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.poses import TruePose
 from mffdrake.experiment.simulation.wiring.servoing import OutOfReach
 from mffdrake.experiment.simulation.wiring.target import LoadSolid, ReadScenarioMesh
 from mffdrake.recognition import PoseTracker, TrackingState

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import dataclasses as dc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from mffdrake.experiment.scenario.scenario import Scenario
-from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
-from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
-from mffdrake.recognition.poses.pose import pose_from_transform
+from mffdrake.experiment.simulation.wiring.poses import CalcTruePoses
 from mffdrake.recognition.recordings.files import WholeFile
 from mffdrake.recognition.solid.symmetry import NO_SYMMETRIES, find_symmetries
 from mffdrake.systems.lifetime import UseDiagram
 
-__all__ = ["STAGES", "Simulate", "SimulationResult", "TruePose"]
+__all__ = ["STAGES", "Simulate", "SimulationResult"]
 
 Array = NDArray[np.float64]
 
 _PIECE = 1 << 18  # rows: two and a half hours
 STAGES = ("render", "recognition", "prediction", "total")
 """Whose wall time is measured; the total includes dynamics and control."""
+_RECOGNIZED = ("pose", "fitness", "state", "confidence", "is_tracking")
 
 
 @dc.dataclass(kw_only=True)
@@ -182,55 +180,33 @@ def _WarmUp(diagram: Diagram, context: Context) -> None:
     tracker.track(tracker.start_population(images, frame=0), images, frame=1)
 
 
-class TruePose:
-    """Tells where the target truly was in the first camera C when its images were exposed.
+class _Rows:
+    """Rows of numbers, for which memory is taken in large pieces: while it lasts, none grows.
 
     Args:
-        scenario: The scenario.
-        diagram: Its diagram.
+        most: How many rows there may be.
+        sizes: How many numbers each column has in a row.
     """
 
-    def __init__(self, scenario: Scenario, diagram: Diagram) -> None:
-        self._plant = diagram.GetSubsystemByName("plant")
-        arm = self._plant.GetModelInstanceByName(scenario.arm.model)
-        reference = MakeMounts(scenario)[0]
-        self._camera = self._plant.GetFrameByName(reference.frame_name, arm)
-        self._num_joints = self._plant.num_positions()
-        # What the images show, with a delayed camera, is posed apart.
-        self._exposed_state = diagram.GetOutputPort("exposed_state")
-        self._exposed_context = self._plant.CreateDefaultContext()
-        self._target, self._latency = scenario.target, reference.latency
+    def __init__(self, most: int, sizes: Mapping[str, int]) -> None:
+        columns = np.dtype([(name, float, (size,)) for name, size in sizes.items()])
+        self._pieces = [np.full(min(most, _PIECE), np.nan, columns)]
+        self._count = 0  # in the last piece
 
-    def Calc(self, context: Context, frame_time: float) -> RigidTransform:
-        """X_CM of the images that a recognizer reads at a frame.
+    def Add(self) -> np.void:
+        """A new row, to be filled in."""
+        if self._count == len(self._pieces[-1]):
+            self._pieces.append(np.full_like(self._pieces[0], np.nan))
+            self._count = 0
+        self._count += 1
+        row: np.void = self._pieces[-1][self._count - 1]
+        return row
 
-        Args:
-            context: The diagram's, just before that.
-            frame_time: The frame's time [s].
-        """
-        exposed = self._exposed_state.Eval(context)
-        self._plant.SetPositions(self._exposed_context, exposed[: self._num_joints])
-        X_WC = self._camera.CalcPoseInWorld(self._exposed_context)
-        return X_WC.InvertAndCompose(self._target.CalcPose(frame_time - self._latency))
-
-
-class _Rows:
-    """Rows of numbers, for which memory is taken in large pieces: while it lasts, none grows."""
-
-    def __init__(self, most: int) -> None:
-        self._size = min(most, _PIECE)
-        self._pieces: dict[str, list[Array]] = {}
-
-    def Set(self, row: int, name: str, value: Array | float) -> None:
-        """Notes a value in a column."""
-        pieces = self._pieces.setdefault(name, [])
-        if row >= self._size * len(pieces):
-            pieces.append(np.full((self._size, *np.shape(value)), np.nan))
-        pieces[row // self._size][row % self._size] = value
-
-    def Columns(self, rows: int) -> dict[str, Array]:
-        """The columns' first rows."""
-        return {name: np.concatenate(pieces)[:rows] for name, pieces in self._pieces.items()}
+    def Columns(self) -> dict[str, Array]:
+        """The rows' columns, shape (K, size); of single numbers, (K,)."""
+        rows = np.concatenate([*self._pieces[:-1], self._pieces[-1][: self._count]])
+        columns = {name: np.array(rows[name]) for name in rows.dtype.names or ()}
+        return {name: x[:, 0] if x.shape[1] == 1 else x for name, x in columns.items()}
 
 
 class _Recorder:
@@ -238,28 +214,20 @@ class _Recorder:
 
     It reads the images and the prediction just before the recognizer does. The recognizer then
     finds them computed (Drake caches them), so that each stage can be timed from outside; what is
-    computed stays the same.
+    computed stays the same. What follows from the states is computed in the end.
     """
 
     def __init__(self, scenario: Scenario, diagram: Diagram, context: Context) -> None:
-        self._context = context
-        self._plant = diagram.GetSubsystemByName("plant")
-        self._plant_context = self._plant.GetMyContextFromRoot(context)
-        arm = self._plant.GetModelInstanceByName(scenario.arm.model)
-        self._hand = self._plant.GetFrameByName(scenario.arm.hand_frame, arm)
-        self._num_joints = self._plant.num_positions()
-        self._true_pose = TruePose(scenario, diagram)
-        self._desired_hand = MakeDesiredHand(scenario)
-        self._X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
-        self._recognizer = diagram.GetSubsystemByName("recognizer")
-        self._recognizer_context = self._recognizer.GetMyContextFromRoot(context)
-        names = ("pose", "fitness", "state", "confidence", "is_tracking")
-        self._results = [(name, self._recognizer.GetOutputPort(name)) for name in names]
-        self._image_ports = [
-            diagram.GetOutputPort(f"stereo_camera.color_image_{name}")
-            for name in self._recognizer.tracker.rig.names
-        ]
-        self._diagram_context = context
+        self._diagram, self._context = diagram, context
+        self._tracker = diagram.GetSubsystemByName("recognizer").tracker
+        self._before, self._after, self._images = (
+            [(name, diagram.GetOutputPort(name)) for name in names]
+            for names in (
+                ("state", "exposed_state"),
+                [f"recognizer.{name}" for name in _RECOGNIZED],
+                [f"stereo_camera.color_image_{name}" for name in self._tracker.rig.names],
+            )
+        )
         self._predicted = None
         if diagram.HasSubsystemNamed("predictor"):
             predictor = diagram.GetSubsystemByName("predictor")
@@ -267,8 +235,9 @@ class _Recorder:
                 predictor.GetOutputPort("predicted_population"),
                 predictor.GetMyContextFromRoot(context),
             )
-        self._rows = _Rows(scenario.timing.NumFrames(scenario.duration))
-        self._num_frames = 0
+        sizes = {name: port.size() for name, port in (*self._before, *self._after)}
+        most = scenario.timing.NumFrames(scenario.duration)
+        self._rows, self._row = _Rows(most, {"time": 1, **sizes}), np.void(b"")
         self._stages_ms = dict.fromkeys(STAGES, 0.0)
         self._marks: list[float] = []
         self._start = time.perf_counter()
@@ -281,21 +250,13 @@ class _Recorder:
     def RecordTruth(self, frame_time: float) -> None:
         """Notes the present state and computes what the recognizer is about to read."""
         self._marks = [time.perf_counter()]
-        state = self._plant.get_state_output_port().Eval(self._plant_context)
-        X_WE = self._hand.CalcPoseInWorld(self._plant_context)
-        X_CM = self._true_pose.Calc(self._diagram_context, frame_time)
-        X_WEd = self._desired_hand(frame_time)
-        for name, value in (
-            ("joint_positions", state[: self._num_joints]),
-            ("joint_velocities", state[self._num_joints :]),
-            ("true_pose", X_CM.GetAsMatrix34()),
-            ("actual_hand_pose", (self._X_E0W @ X_WE).GetAsMatrix34()),
-            ("desired_hand_pose", (self._X_E0W @ X_WEd).GetAsMatrix34()),
-        ):
-            self._rows.Set(self._num_frames, name, value)
+        self._row = self._rows.Add()
+        self._row["time"] = frame_time
+        for name, port in self._before:
+            self._row[name] = port.Eval(self._context)
         self._marks.append(time.perf_counter())
-        for port in self._image_ports:
-            port.EvalAbstract(self._diagram_context)  # Eval would copy the image.
+        for _, port in self._images:
+            port.EvalAbstract(self._context)  # Eval would make an object of Python.
         self._marks.append(time.perf_counter())
         if self._predicted is not None:
             port, context = self._predicted
@@ -309,10 +270,8 @@ class _Recorder:
     def RecordRecognition(self) -> None:
         """Notes what the recognizer made of the frame, one tick later."""
         self._marks.append(time.perf_counter())
-        for name, port in self._results:
-            value = port.Eval(self._recognizer_context)
-            column, value = ("recognized_pose", value) if name == "pose" else (name, value[0])
-            self._rows.Set(self._num_frames, column, value)
+        for name, port in self._after:
+            self._row[name] = port.Eval(self._context)
 
     def FinishFrame(self, ticks: int) -> None:
         """Notes the stages' times at the end of a frame."""
@@ -327,24 +286,30 @@ class _Recorder:
             ("total", end - begin - (resumed - predicted)),
         ):
             self._stages_ms[name] += 1e3 * seconds
-        self._num_frames += 1
 
     def Result(self, scenario: Scenario) -> SimulationResult:
         """The record, of a scenario as long as it was simulated."""
-        wall_s = self.wall_s
-        rows = self._rows.Columns(self._num_frames)
-        rows["time"] = np.array([*map(scenario.timing.TimeOfFrame, range(self._num_frames))])
-        for name in ("true_pose", "actual_hand_pose", "desired_hand_pose"):
-            X = rows[name].reshape(-1, 3, 4)
-            rows[name] = pose_from_transform(X[:, :, :3], X[:, :, 3])
-        matcher = getattr(self._recognizer.tracker, "matcher", None)  # Others keep what they know.
+        rows = self._rows.Columns()
+        states, count = rows.pop("state"), len(rows["time"])
+        true, actual, desired = CalcTruePoses(
+            scenario, self._diagram, rows.pop("time"), states, rows.pop("exposed_state")
+        )
+        recognized = {name.removeprefix("recognizer."): rows.pop(name) for name, _ in self._after}
+        matcher = getattr(self._tracker, "matcher", None)  # Others keep what they know.
         symmetries = find_symmetries(matcher.solid) if matcher else NO_SYMMETRIES
-        nearest = map(symmetries.nearest, rows["recognized_pose"], rows["true_pose"])
-        rows["recognized_pose"] = np.array(list(nearest)).reshape(-1, 6)
+        nearest = map(symmetries.nearest, recognized.pop("pose"), true)
+        num_joints = self._diagram.GetSubsystemByName("plant").num_positions()
         return SimulationResult(
             scenario=scenario.Dump(),
-            stages_ms={name: ms / self._num_frames for name, ms in self._stages_ms.items()},
-            wall_s=wall_s,
+            time=np.array([*map(scenario.timing.TimeOfFrame, range(count))]),
+            true_pose=true,
+            recognized_pose=np.array(list(nearest)).reshape(-1, 6),
+            desired_hand_pose=desired,
+            actual_hand_pose=actual,
+            joint_positions=states[:, :num_joints],
+            joint_velocities=states[:, num_joints:],
+            stages_ms={name: ms / count for name, ms in self._stages_ms.items()},
             symmetries=str(symmetries),
-            **rows,
+            wall_s=self.wall_s,
+            **recognized,
         )

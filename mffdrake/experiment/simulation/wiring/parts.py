@@ -20,7 +20,7 @@ from mffdrake.experiment.simulation.wiring.cameras import (
     MakeMounts,
     MakeRig,
 )
-from mffdrake.experiment.simulation.wiring.desired_hand import MakeReferencePath
+from mffdrake.experiment.simulation.wiring.poses import MakeReferencePath
 from mffdrake.experiment.simulation.wiring.target import AddScenarioTarget, LoadSolid
 from mffdrake.recognition import CameraRig, SolidModel
 from mffdrake.systems.arms.hand_path import SolveHandPath

@@ -14,8 +14,8 @@ from mffdrake.experiment.scenario.scenario import Scenario
 from mffdrake.experiment.scenario.scenario_sections import ServoConfig
 from mffdrake.experiment.simulation.wiring.cameras import KnownLatency, MakeMounts
 from mffdrake.experiment.simulation.wiring.control import Control
-from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
 from mffdrake.experiment.simulation.wiring.parts import Station
+from mffdrake.experiment.simulation.wiring.poses import MakeDesiredHand
 from mffdrake.systems.arms.inverse_kinematics import ArmKinematics, UnreachablePathError
 from mffdrake.systems.target_motion.prescribed_target import PrescribedTarget
 from mffdrake.systems.vision.predictor import MffPredictor

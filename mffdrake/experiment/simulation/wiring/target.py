@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 
 from mffdrake.experiment.scenario.scenario import Scenario, ScenarioError
 from mffdrake.experiment.simulation.wiring.cameras import MakeMounts
-from mffdrake.experiment.simulation.wiring.desired_hand import MakeDesiredHand
+from mffdrake.experiment.simulation.wiring.poses import MakeDesiredHand
 from mffdrake.recognition import POSE_COORDINATES, CameraRig, SolidModel
 from mffdrake.recognition.poses.pose import pose_from_transform, transform_from_pose
 from mffdrake.recognition.solid.mesh_file import ColoredMesh
