@@ -61,14 +61,12 @@ class FlatRenderEngine(RenderEngine):
     def __init__(self) -> None:
         RenderEngine.__init__(self)
         self._geometries: dict[GeometryId, _Geometry] = {}
-        self._X_WGs: dict[GeometryId, NDArray[np.float64]] = {}  # (3, 4), in the same order
+        self._X_WGs = np.empty((0, 3, 4))  # in the same order
+        self._rows: dict[GeometryId, int] = {}  # Where each is in that.
         self._X_WC: NDArray[np.float64] = RigidTransform().GetAsMatrix34()
-        # What follows is derived, and None when it is out of date.
-        self._scene: _Scene | None = None
-        self._poses: NDArray[np.float64] | None = None
+        self._scene: _Scene | None = None  # None when it is out of date
         self._scratch: NDArray[np.float32] = np.empty(0, dtype=np.float32)
-        # Where on an image, by its address, something is drawn.
-        self._drawn: dict[tuple[int, int, int], Rectangle] = {}
+        self._canvases: dict[tuple[Any, ...], _Canvas] = {}  # by their images' addresses
 
     def UpdateViewpoint(self, X_WR: RigidTransform) -> None:
         """Puts the camera at X_WR (x right, y down, z along the line of sight)."""
@@ -87,8 +85,11 @@ class FlatRenderEngine(RenderEngine):
             if properties.HasProperty("label", "id"):
                 label = self.GetRenderLabelOrThrow(properties)
             self._geometries[id] = _Geometry(MakeSurface(shape, properties), label)
-        self._X_WGs[id] = X_WG.GetAsMatrix34()
-        self._scene = self._poses = None
+        if id not in self._rows:
+            self._rows[id] = len(self._X_WGs)
+            self._X_WGs = np.concatenate([self._X_WGs, np.empty((1, 3, 4))])
+        self._X_WGs[self._rows[id]] = X_WG.GetAsMatrix34()
+        self._scene = None
         return True
 
     def DoUpdateVisualPose(self, id: GeometryId, X_WG: RigidTransform) -> None:
@@ -97,14 +98,16 @@ class FlatRenderEngine(RenderEngine):
         Drake moves all of them at every step of a simulation with contact, far more often than it
         renders, so this does no more than copy. (An X_WG kept would change with Drake's own.)
         """
-        self._X_WGs[id] = X_WG.GetAsMatrix34()
-        self._poses = None
+        self._X_WGs[self._rows[id]] = X_WG.GetAsMatrix34()
 
     def DoRemoveGeometry(self, id: GeometryId) -> bool:
         """Forgets a geometry; false when there is none of that id."""
-        self._scene = self._poses = None
-        self._X_WGs.pop(id, None)
-        return self._geometries.pop(id, None) is not None
+        if self._geometries.pop(id, None) is None:
+            return False
+        self._X_WGs = np.delete(self._X_WGs, self._rows[id], axis=0)
+        self._rows = {id: row for row, id in enumerate(self._geometries)}
+        self._scene = None
+        return True
 
     def DoClone(self) -> FlatRenderEngine:
         """An engine of the same state that shares nothing that changes."""
@@ -115,32 +118,43 @@ class FlatRenderEngine(RenderEngine):
             properties = PerceptionProperties()
             properties.AddProperty("label", "id", geometry.label)
             clone.RegisterVisual(id, _ANY_SHAPE, properties, RigidTransform(), needs_updates=True)
-        clone._X_WGs = dict(self._X_WGs)
+        clone._X_WGs, clone._rows = self._X_WGs.copy(), dict(self._rows)
         clone._X_WC = self._X_WC
         clone._scene = self._scene
         return clone
 
     def DoRenderColorImage(self, camera: ColorRenderCamera, color_image_out: ImageRgba8U) -> None:
         """Draws the diffuse colors."""
-        image = _Pixels(color_image_out, _COLOR)
+        canvas = self._GetCanvas(color_image_out, _COLOR)
         del color_image_out  # see _Pixels
-        self._Draw(camera.core(), self._GetScene().colors, _NO_COLOR, _GREY, image)
+        self._Draw(camera.core(), self._GetScene().colors, _NO_COLOR, _GREY, canvas)
 
     def DoRenderLabelImage(self, camera: ColorRenderCamera, label_image_out: ImageLabel16I) -> None:
         """Draws the labels; RenderLabel.kEmpty where there is nothing."""
-        image = _Pixels(label_image_out, _LABEL)
+        canvas = self._GetCanvas(label_image_out, _LABEL)
         del label_image_out  # see _Pixels
-        self._Draw(camera.core(), self._GetScene().labels, _DO_NOT_RENDER, _EMPTY, image)
+        self._Draw(camera.core(), self._GetScene().labels, _DO_NOT_RENDER, _EMPTY, canvas)
 
     def DoRenderDepthImage(self, camera: DepthRenderCamera, depth_image_out: ImageDepth32F) -> None:
         """Draws the depths along the line of sight [m]; 0 where too close, infinity too far."""
         image = _Pixels(depth_image_out, _DEPTH)
         del depth_image_out  # see _Pixels
-        inverse_depth, rectangle = self._Draw(camera.core(), None, 0, 0, None)
+        nowhere = _Canvas(None)
+        inverse_depth = self._Draw(camera.core(), None, 0, 0, nowhere)
         depths, far = camera.depth_range(), camera.core().clipping().far()
         rasterizer.convert_depth(
-            inverse_depth, rectangle, far, depths.min_depth(), depths.max_depth(), image
+            inverse_depth, nowhere.drawn, far, depths.min_depth(), depths.max_depth(), image
         )
+
+    def _GetCanvas(self, image: ImageRgba8U | ImageLabel16I, dtype: np.dtype[Any]) -> _Canvas:
+        memory = image.mutable_data
+        key = (memory.ctypes.data, memory.shape, dtype)
+        if key not in self._canvases:
+            if len(self._canvases) == _MOST_CANVASES:
+                self._canvases.clear()
+            canvas = _Canvas(_Pixels(image, dtype), (0, image.width(), 0, image.height()))
+            self._canvases[key] = canvas
+        return self._canvases[key]
 
     def _GetScene(self) -> _Scene:
         if self._scene is None:
@@ -153,11 +167,9 @@ class FlatRenderEngine(RenderEngine):
         paint: NDArray[Any] | None,
         unpainted: int,
         background: int,
-        image: NDArray[Any] | None,
-    ) -> tuple[NDArray[np.float32], Rectangle]:
-        """Draws all geometries; returns their inverse depth and the rectangle that holds them."""
-        if self._poses is None:
-            self._poses = np.array(list(self._X_WGs.values())).reshape(-1, 3, 4)
+        canvas: _Canvas,
+    ) -> NDArray[np.float32]:
+        """Draws all geometries; returns their inverse depth, which holds where they are drawn."""
         camera, clipping = core.intrinsics(), core.clipping()
         lens = Lens(
             camera.focal_x(),
@@ -168,19 +180,14 @@ class FlatRenderEngine(RenderEngine):
             clipping.far(),
         )
         width, height = camera.width(), camera.height()
-        canvas = (0 if image is None else image.ctypes.data, width, height)
-        if len(self._drawn) > _MOST_CANVASES:
-            self._drawn.clear()
-        before = self._drawn.get(canvas, (0, width, 0, height))
         if len(self._scratch) < width * height:
             self._scratch = np.empty(width * height, dtype=np.float32)
         inverse_depth = self._scratch[: width * height].reshape(height, width)
-        rectangle = rasterizer.draw(
-            self._GetScene().surfaces, self._poses, self._X_WC, lens, paint, unpainted, background,
-            inverse_depth, image, before,
+        canvas.drawn = rasterizer.draw(
+            self._GetScene().surfaces, self._X_WGs, self._X_WC, lens, paint, unpainted, background,
+            inverse_depth, canvas.pixels, canvas.drawn,
         )  # fmt: skip
-        self._drawn[canvas] = rectangle
-        return inverse_depth, rectangle
+        return inverse_depth
 
 
 def _Pixels(
@@ -196,6 +203,14 @@ def _Pixels(
     interface = image.mutable_data.__array_interface__
     interface["shape"], interface["typestr"] = (image.height(), image.width()), dtype.str
     return np.asarray(_Memory(interface))
+
+
+@dataclass
+class _Canvas:
+    """An image's pixels (None for nowhere), and what columns and rows may not be background."""
+
+    pixels: NDArray[Any] | None
+    drawn: Rectangle = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True)
