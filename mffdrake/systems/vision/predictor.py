@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    LeafSystem,
+    ValueProducer,
+)
 
 from mffdrake.recognition.poses.pose_motion import (
     camera_motion_jacobian,
@@ -149,25 +155,31 @@ class MffPredictor(LeafSystem):
             np.full(self._exposures.num_samples * (1 + size), math.nan)
         )
 
+        # What several outputs need of a frame is computed once.
+        self._exposed = self.DeclareCacheEntry(
+            "exposed",
+            ValueProducer(lambda: Value[object](), WeakCallback(self._CalcExposed)),
+            {
+                self.time_ticket(),
+                self._state.ticket(),
+                self.discrete_state_ticket(self._samples),
+            },
+        )
+        from_exposed = {self.cache_entry_ticket(self._exposed.cache_index())}
         self.DeclareVectorOutputPort(
             "predicted_population", 6 * num_hypotheses, WeakCallback(self._CalcPredictedPopulation)
         )
-        from_samples = {
-            self.time_ticket(),
-            self._state.ticket(),
-            self.discrete_state_ticket(self._samples),
-        }
         self.DeclareAbstractOutputPort(
             "camera_displacement",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcCameraDisplacement),
-            from_samples,
+            from_exposed,
         )
         self.DeclareAbstractOutputPort(
             "X_WC",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcCameraPose),
-            from_samples,
+            from_exposed,
         )
         self.DeclareVectorOutputPort("pose_rate", 6, WeakCallback(self._CalcPoseRate))
 
@@ -198,11 +210,17 @@ class MffPredictor(LeafSystem):
         older = context.get_discrete_state(self._samples).value()[: -len(newest)]
         discrete_state.set_value(self._samples, np.append(newest, older))
 
-    def _LastTwo(self, context: Context) -> tuple[Array, Array]:
-        """Times and arm states at the last frame's exposure and at the present one's."""
+    def _CalcExposed(self, context: Context, output: AbstractValue) -> None:
         now = EvalFinite(self, self._state, context)
         rows = context.get_discrete_state(self._samples).value().reshape(-1, 1 + len(now))
-        return self._exposures.Rows(context.get_time(), rows=rows, now=now)
+        last, present = self._exposures.Rows(context.get_time(), rows=rows, now=now)
+        known = not math.isnan(last[0])
+        X_WD = self._CameraPose(now if math.isnan(present[0]) else present[1:])
+        X_WC, X_DC = X_WD, RigidTransform()
+        if known:
+            X_WC = self._CameraPose(last[1:])
+            X_DC = X_WD.InvertAndCompose(X_WC)
+        output.set_value(_Exposed(last, present, known, X_WC, X_WD, X_DC))
 
     def _CheckFrameTime(self, context: Context, last: float, present: float) -> None:
         """Compares the tracker's last frame with the times of two exposures."""
@@ -211,8 +229,8 @@ class MffPredictor(LeafSystem):
         (frame_time,) = self._frame_time.Eval(context)
         # At a frame it is the last one's time. Between two frames the tracker has seen the present
         # one already, and this is what a logger then finds.
-        apart = np.abs(np.array([last, present]) + self._latency - frame_time)
-        if np.all(apart > 0.5 * self._timing.control_period):  # false for NaN: no frame yet
+        nearest = min(abs(time + self._latency - frame_time) for time in (last, present))
+        if nearest > 0.5 * self._timing.control_period:  # false for NaN: no frame yet
             raise RuntimeError(
                 f"{self.get_name() or type(self).__name__}: at {context.get_time():.6g} s the "
                 f"tracker's last frame ('frame_time') was at {frame_time:.6g} s, but this system's "
@@ -243,34 +261,29 @@ class MffPredictor(LeafSystem):
         velocities = state[self._plant.num_positions() :]
         return J_M @ velocities + J_N @ target_velocity  # Eq. (11) where the target is at rest
 
-    def _PredictRigid(
-        self, last: Array, present: Array, poses: Array, velocity: Array, dt: float
-    ) -> Array:
+    def _PredictRigid(self, exposed: _Exposed, poses: Array, velocity: Array, dt: float) -> Array:
         """Eq. (12) exactly: rigid transport; the target's own displacement in between."""
-        X_WC, X_WD = self._CameraPose(last), self._CameraPose(present)
-        X_DC = _Scale(X_WD.InvertAndCompose(X_WC), self._gain)  # Eq. (14), for C and for D
+        X_DC = _Scale(exposed.X_DC, self._gain)  # Eq. (14), for C and for D
         if velocity.any():  # seldom: the target is at rest, as a rule
-            R_WC = X_WC.rotation().matrix()
+            R_WC = exposed.X_WC.rotation().matrix()
             poses = move_target(poses, R_WC, velocity[:3], velocity[3:], self._gain * dt)
         return transport_pose(poses, X_DC.rotation().matrix(), X_DC.translation())
 
     def _PredictVelocity(
-        self, last: Array, present: Array, poses: Array, velocity: Array, dt: float
+        self, exposed: _Exposed, poses: Array, velocity: Array, dt: float
     ) -> Array:
-        """Eq. (12), (23)."""
-        del present  # This mode knows the last frame's joints only.
-        return step_pose(poses, self._PoseRate(last, poses, velocity), self._gain * dt)
+        """Eq. (12), (23), from the last frame's joints only."""
+        return step_pose(poses, self._PoseRate(exposed.last[1:], poses, velocity), self._gain * dt)
 
     def _CalcPredictedPopulation(self, context: Context, output: BasicVector) -> None:
         population = EvalFinite(self, self._population, context)
-        last, present = self._LastTwo(context)
-        if math.isnan(last[0]):
+        exposed: _Exposed = self._exposed.Eval(context)
+        if not exposed.known:
             output.SetFromVector(population)
             return
-        self._CheckFrameTime(context, last[0], present[0])
+        self._CheckFrameTime(context, exposed.last[0], exposed.present[0])
         predicted = self._predict(
-            last[1:],
-            present[1:],
+            exposed,
             population.reshape(-1, 6),
             self._TargetVelocity(context),
             self._timing.TimeBefore(self._exposures.NextFrame(context.get_time())),
@@ -278,17 +291,10 @@ class MffPredictor(LeafSystem):
         output.SetFromVector(predicted.reshape(-1))
 
     def _CalcCameraDisplacement(self, context: Context, output: AbstractValue) -> None:
-        last, present = self._LastTwo(context)
-        if math.isnan(last[0]):
-            output.set_value(RigidTransform())
-            return
-        X_WC, X_WD = self._CameraPose(last[1:]), self._CameraPose(present[1:])
-        output.set_value(X_WD.InvertAndCompose(X_WC))
+        output.set_value(self._exposed.Eval(context).X_DC)
 
     def _CalcCameraPose(self, context: Context, output: AbstractValue) -> None:
-        present = self._LastTwo(context)[1]
-        state = EvalFinite(self, self._state, context) if math.isnan(present[0]) else present[1:]
-        output.set_value(self._CameraPose(state))
+        output.set_value(self._exposed.Eval(context).X_WD)
 
     def _CalcPoseRate(self, context: Context, output: BasicVector) -> None:
         first = EvalFinite(self, self._population, context)[:6]
@@ -296,6 +302,20 @@ class MffPredictor(LeafSystem):
         output.SetFromVector(
             self._PoseRate(EvalFinite(self, self._state, context), first, velocity)
         )
+
+
+class _Exposed(NamedTuple):
+    """Times and arm states at the last frame's exposure C and the present one's D, and the camera.
+
+    Until two exposures are ``known``, nothing moved.
+    """
+
+    last: Array
+    present: Array
+    known: bool
+    X_WC: RigidTransform
+    X_WD: RigidTransform
+    X_DC: RigidTransform
 
 
 def _Scale(X: RigidTransform, gain: float) -> RigidTransform:
