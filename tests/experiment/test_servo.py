@@ -12,8 +12,8 @@ from mffdrake.experiment.scenario.scenario import Change, LoadScenario, Scenario
 from mffdrake.experiment.simulation.evaluation import Evaluate
 from mffdrake.experiment.simulation.recovery import CalcHandErrors, FindLoss, WantedPose
 from mffdrake.experiment.simulation.simulation import Simulate
-from mffdrake.experiment.simulation.wiring.poses import MakeDesiredHand
 from mffdrake.experiment.simulation.wiring.diagram import MakeHandEyeDiagram
+from mffdrake.experiment.simulation.wiring.poses import MakeDesiredHand
 from mffdrake.experiment.simulation.wiring.target import CalcDesiredPose
 
 SMALL = {"renderer": "flat", "camera.width": 320, "camera.height": 240}

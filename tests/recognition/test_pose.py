@@ -6,6 +6,7 @@ import pytest
 from synthetic import quaternion_vector as true_quaternion_vector
 from synthetic import rotation as true_rotation
 
+from mffdrake.recognition.poses import rotations
 from mffdrake.recognition.poses.pose import (
     compose_quaternion_vectors,
     pose_from_transform,
@@ -423,6 +424,17 @@ def test_any_turn_is_transported_by_its_quaternion(axis, angle):
 
 
 # Many at once
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_compiled_poses_are_composed_and_seen_from_each_other_as_transforms_are(seed):
+    rng = np.random.default_rng(seed)
+    a, b = random_pose(rng), random_pose(rng)
+    X_AB, X_AC = true_transform(a), true_transform(b)
+    np.testing.assert_allclose(rotations.composed(a, b), true_pose(X_AB @ X_AC), atol=1e-12)
+    seen = true_pose(np.linalg.inv(X_AB) @ X_AC)
+    np.testing.assert_allclose(rotations.seen_from(a, b), seen, atol=1e-12)
+    np.testing.assert_allclose(rotations.composed(a, seen), b, atol=1e-12)
 
 
 def test_every_function_takes_many_poses_at_once():

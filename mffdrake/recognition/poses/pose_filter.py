@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.parameters import NonNegative, Positive, parameters
-from mffdrake.recognition.poses.pose import pose_from_transform, transform_from_pose
+from mffdrake.recognition.poses.pose import transform_from_pose
 from mffdrake.recognition.poses.pose_motion import quaternion_rate_matrix, transport_pose
 
 __all__ = [
@@ -233,8 +233,9 @@ class PoseFilter:
 
         Its own pose is told as seen from that pose: so it goes along where that is carried.
         """
-        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(self.pose)
-        own = pose_from_transform(R.T @ R_own, R.T @ (p_own - p))
+        from mffdrake.recognition.poses import rotations  # numba: slow to import
+
+        own = rotations.seen_from(np.array(pose, dtype=float), self.pose)
         P, numbers = self.covariance, np.full(NUM_NUMBERS, math.nan)
         rest = [self.nis, self.noise_scale, *self.innovation]
         known = np.concatenate([own, self.motion, P.reshape(-1), rest])
@@ -244,14 +245,14 @@ class PoseFilter:
     @classmethod
     def of_numbers(cls, pose: ArrayLike, numbers: ArrayLike) -> PoseFilter:
         """The filter whose `numbers` were kept beside a pose vector."""
+        from mffdrake.recognition.poses import rotations  # numba: slow to import
+
         n = np.array(numbers, dtype=float)
         n = n[: n.size - int(np.argmin(np.isnan(n[::-1])))]
         size = math.isqrt(n.size - 8)  # of an error: it, its covariance and 2 + 6 numbers
-        own, motion, P, scalars, innovation = np.split(n, np.cumsum([6, size - 6, size**2, 2]))
-        (R, p), (R_own, p_own) = transform_from_pose(pose), transform_from_pose(own)
-        own = pose_from_transform(R @ R_own, p + R @ p_own)
-        nis, noise_scale = scalars.tolist()
-        return cls(own, motion, P.reshape(size, size), nis, noise_scale, innovation)
+        own = rotations.composed(np.array(pose, dtype=float), n[:6])
+        motion, P, (nis, noise_scale), innovation = n[6:size], n[size:-8], n[-8:-6], n[-6:]
+        return cls(own, motion, P.reshape(size, size), float(nis), float(noise_scale), innovation)
 
     def carried(self, R: ArrayLike, p: ArrayLike) -> PoseFilter:
         """The same, seen from another frame D.

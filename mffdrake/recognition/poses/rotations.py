@@ -74,6 +74,21 @@ def transport_by(poses: Array, R_DC: Array, p_DC: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def composed(pose: Array, other: Array) -> Array:
+    """X_AC of the pose vectors of X_AB and X_BC, shape (6,)."""
+    R = rotation(pose[3:])
+    return transport(other.reshape(1, 6), R, pose[:3], pose[3:])[0]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
+def seen_from(pose: Array, other: Array) -> Array:
+    """X_BC of the pose vectors of X_AB and X_AC, shape (6,)."""
+    apart, back = other.copy().reshape(1, 6), rotation(-pose[3:])
+    apart[0, :3] -= pose[:3]
+    return transport(apart, back, np.zeros(3), -pose[3:])[0]  # type: ignore[no-any-return]
+
+
+@njit(cache=True, error_model="numpy")
 def quaternion_of(R: Array) -> Array:
     """The quaternion with a positive scalar part of a rotation matrix, as `quaternion_vector`."""
     xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]

@@ -8,8 +8,8 @@ import numpy as np
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
+    Adder,
     MatrixGain,
-    Multiplexer,
     PassThrough,
     Saturation,
     ZeroOrderHold,
@@ -96,18 +96,22 @@ class PdController(Diagram):
         builder = DiagramBuilder()
 
         # As few systems as can be: each takes its time every millisecond.
-        signals = builder.AddNamedSystem("signals", Multiplexer([2 * n, 2 * n, n]))
-        feedforward = builder.AddNamedSystem("feedforward_torque", PassThrough(np.zeros(n)))
-        builder.Connect(feedforward.get_output_port(), signals.get_input_port(2))  # 0 by default
         gains = np.hstack((np.diag(kp), np.diag(kd)))
-        torque = builder.AddNamedSystem("torque", MatrixGain(np.hstack((-gains, gains, np.eye(n)))))
+        torque = builder.AddNamedSystem("torque", Adder(3, n))
+        for port, (name, system) in enumerate(
+            {
+                "estimated_state": MatrixGain(-gains),
+                "desired_state": MatrixGain(gains),
+                "feedforward_torque": PassThrough(np.zeros(n)),  # zeros by default
+            }.items()
+        ):
+            builder.AddNamedSystem(name, system)
+            builder.ExportInput(system.get_input_port(), name)
+            builder.Connect(system.get_output_port(), torque.get_input_port(port))
         clipped = builder.AddNamedSystem("effort_limit", Saturation(-limit, limit))
+        builder.Connect(torque.get_output_port(), clipped.get_input_port())
         hold = builder.AddNamedSystem("hold", _Hold((timing or Timing()).control_period, n))
-        for source, system in ((signals, torque), (torque, clipped), (clipped, hold)):
-            builder.Connect(source.get_output_port(), system.get_input_port())
-        builder.ExportInput(signals.get_input_port(0), "estimated_state")
-        builder.ExportInput(signals.get_input_port(1), "desired_state")
-        builder.ExportInput(feedforward.get_input_port(), "feedforward_torque")
+        builder.Connect(clipped.get_output_port(), hold.get_input_port())
         builder.ExportOutput(hold.get_output_port(), "actuation")
         builder.BuildInto(self)
 

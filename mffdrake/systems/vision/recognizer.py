@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import Generation, OneStepGaTracker, Tracker, TrackingState
@@ -132,41 +132,43 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._frame_time = self.DeclareDiscreteState([math.nan])
         self._poses = self.DeclareDiscreteState(np.tile(tracker.initial_pose, n))
         self._fitness = self.DeclareDiscreteState(n)
+        self._best_pose = self.DeclareDiscreteState(tracker.initial_pose)
+        self._best_fitness = self.DeclareDiscreteState(1)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
-        self._verdict = self.DeclareDiscreteState([TrackingState.SEARCHING, math.nan, 0.0, 0.0])
+        self._state = self.DeclareDiscreteState([TrackingState.SEARCHING])
+        self._confidence = self.DeclareDiscreteState([math.nan])
+        self._is_tracking = self.DeclareDiscreteState(1)
+        self._unseen = self.DeclareDiscreteState(1)
         self._image_hashes = self.DeclareDiscreteState(np.full(len(tracker.rig.cameras), math.nan))
         self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
         self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
+        self.DeclareStateOutputPort("pose", self._best_pose)
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
-        from_poses = {self.discrete_state_ticket(self._poses)}
-        from_fitness = {self.discrete_state_ticket(self._fitness)}
-        self.DeclareVectorOutputPort("pose", 6, WeakCallback(self._CalcPose), from_poses)
+        from_pose = {self.discrete_state_ticket(self._best_pose)}
         self.DeclareAbstractOutputPort(
             "X_CM",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcTransform),
-            from_poses,
+            from_pose,
         )
-        self.DeclareVectorOutputPort("fitness", 1, WeakCallback(self._CalcFitness), from_fitness)
-        self.DeclareStateOutputPort("population", self._poses)
-        self.DeclareStateOutputPort("population_fitness", self._fitness)
-        self.DeclareStateOutputPort("frame_time", self._frame_time)
-        self.DeclareStateOutputPort("pose_covariance", self._covariance)
-        from_verdict = {self.discrete_state_ticket(self._verdict)}
-        self.DeclareVectorOutputPort("state", 1, WeakCallback(self._CalcState), from_verdict)
-        self.DeclareVectorOutputPort(
-            "confidence", 1, WeakCallback(self._CalcConfidence), from_verdict
-        )
-        self.DeclareVectorOutputPort(
-            "is_tracking", 1, WeakCallback(self._CalcIsTracking), from_verdict
-        )
+        for name, state in (
+            ("fitness", self._best_fitness),
+            ("population", self._poses),
+            ("population_fitness", self._fitness),
+            ("frame_time", self._frame_time),
+            ("pose_covariance", self._covariance),
+            ("state", self._state),
+            ("confidence", self._confidence),
+            ("is_tracking", self._is_tracking),
+        ):
+            self.DeclareStateOutputPort(name, state)
         self.DeclareAbstractOutputPort(
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcWorldTransform),
-            from_poses | {self.discrete_state_ticket(self._exposed_pose)},
+            from_pose | {self.discrete_state_ticket(self._exposed_pose)},
         )
 
         self.DeclarePeriodicDiscreteUpdateEvent(
@@ -202,16 +204,22 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         else:
             generation = self._tracker.track(self._LastGeneration(context), images, frame=frame)
             CheckGeneration(generation, self._tracker, "track")
-        discrete_state.set_value(self._num_frames, [frame + 1])
-        discrete_state.set_value(self._frame_time, [context.get_time()])
-        discrete_state.set_value(self._poses, generation.poses.reshape(-1))
-        discrete_state.set_value(self._fitness, generation.fitness)
-        discrete_state.set_value(self._covariance, CovarianceToVector(generation.covariance))
-        discrete_state.set_value(self._gains, generation.gains)
         g = generation
-        discrete_state.set_value(
-            self._verdict, [g.state, g.confidence, float(g.is_tracking), g.unseen]
-        )
+        for index, value in (
+            (self._num_frames, [frame + 1]),
+            (self._frame_time, [context.get_time()]),
+            (self._poses, g.poses.reshape(-1)),
+            (self._fitness, g.fitness),
+            (self._best_pose, g.best),
+            (self._best_fitness, g.fitness[:1]),
+            (self._covariance, CovarianceToVector(g.covariance)),
+            (self._gains, g.gains),
+            (self._state, [g.state]),
+            (self._confidence, [g.confidence]),
+            (self._is_tracking, [float(g.is_tracking)]),
+            (self._unseen, [g.unseen]),
+        ):
+            discrete_state.set_value(index, value)
         numbers = np.full(NUM_NUMBERS, math.nan)
         if g.motion is not None:
             numbers = g.motion.numbers(g.best)
@@ -233,7 +241,10 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
 
         poses, covariance = self._CarriedPoses(context), numbers(self._covariance)
         red, green, blue = numbers(self._gains).tolist()
-        state, confidence, is_tracking, unseen = numbers(self._verdict).tolist()
+        state, confidence, is_tracking, unseen = (
+            numbers(index).item()
+            for index in (self._state, self._confidence, self._is_tracking, self._unseen)
+        )
         motion = numbers(self._motion)
         return Generation(
             poses,
@@ -263,11 +274,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             )
         return port.Eval(context).data
 
-    def _CalcPose(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._poses).value()[:6])
-
     def _CalcTransform(self, context: Context, output: AbstractValue) -> None:
-        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
+        R, p = transform_from_pose(context.get_discrete_state(self._best_pose).value())
         output.set_value(RigidTransform(RotationMatrix(R), p))
 
     def _CalcWorldTransform(self, context: Context, output: AbstractValue) -> None:
@@ -277,20 +285,8 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
                 f"{self.get_name() or type(self).__name__}: X_WM is known from the first frame on "
                 "at which input port 'X_WC' was connected; connect it to MffPredictor's X_WC"
             )
-        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
+        R, p = transform_from_pose(context.get_discrete_state(self._best_pose).value())
         output.set_value(RigidTransform(X_WC.reshape(3, 4)) @ RigidTransform(RotationMatrix(R), p))
-
-    def _CalcState(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._verdict).value()[:1])
-
-    def _CalcConfidence(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._verdict).value()[1:2])
-
-    def _CalcIsTracking(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._verdict).value()[2:3])
-
-    def _CalcFitness(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])
 
 
 class OneStepGaRecognizer(PoseRecognizer[OneStepGaTracker]):
