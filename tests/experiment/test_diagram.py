@@ -27,8 +27,8 @@ from mffdrake.systems.control.pd_gains import PD_GAINS
 from mffdrake.systems.timing import Timing
 
 PARTS = {
-    "plant", "no_contacts", "scene_graph", "render_scene", "hand_path", "pd_controller",
-    "gravity_compensation", "stereo_camera", "target", "exposed_target", "recognizer", "predictor",
+    "plant", "no_contacts", "scene_graph", "hand_path", "pd_controller", "gravity_compensation",
+    "stereo_camera", "target", "recognizer", "predictor",
 }  # fmt: skip
 
 
@@ -60,6 +60,15 @@ def ga():
 def test_the_parts_have_names(mff):
     assert mff.get_name() == "hand_eye"
     assert names(mff) == PARTS
+
+
+def test_late_cameras_see_a_scene_of_their_own():
+    late = MakeHandEyeDiagram(
+        load("{camera: {width: 160, height: 120, latency: 0.033}, clutter: [occluder]}")
+    )
+    delay = {f"camera_delay{part}" for part in ("", "_input", "_output")}
+    scene = {"render_scene", "exposed_target", "geometry_poser", "occluder_0_render_scene"}
+    assert names(late) == PARTS | delay | scene | {"occluder_0"}
 
 
 def test_the_plain_ga_has_no_predictor(ga, mff):

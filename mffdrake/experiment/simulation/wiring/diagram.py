@@ -19,7 +19,6 @@ from mffdrake.experiment.simulation.wiring.cameras import (
 from mffdrake.experiment.simulation.wiring.control import AddControl, Control, MakeController
 from mffdrake.experiment.simulation.wiring.parts import (
     AddCameras,
-    AddClutter,
     AddStation,
     Cameras,
     MakeKnownArm,
@@ -103,15 +102,15 @@ def MakeHandEyeDiagram(
 
     The subsystems are ``hand_path``, ``pd_controller``, ``gravity_compensation``, ``plant``,
     ``no_contacts`` (the scene in which the plant looks for contacts, an empty one),
-    ``scene_graph``, ``render_scene``, ``target`` and ``exposed_target``, which pose the target in
-    them, ``stereo_camera``, ``recognizer`` and, for the method "mff", ``predictor``. Where the
-    scenario has a camera latency, encoder errors, disturbances or clutter, there are a
-    ``camera_delay``, a ``geometry_poser``, ``joint_encoders``, systems such as
-    ``gaussian_noise_right`` or ``occluder_0``, too. Where it servoes, a ``visual_servo`` is in the
-    hand path's place, and there is a ``target_motion_estimator``. The images are those that the
-    recognizer gets, and the port ``exposed_state`` is the state that the first camera's show.
-    The arm's default state is at rest at the path's first pose. All systems see the state of the
-    present time: the plant's ports are not sampled.
+    ``scene_graph``, ``target``, which poses the target in it, ``stereo_camera``, ``recognizer``
+    and, for the method "mff", ``predictor``. Where the scenario has encoder errors, disturbances or
+    clutter, there are ``joint_encoders`` and systems such as ``gaussian_noise_right`` or
+    ``occluder_0``, too. Late cameras see a scene of their own, a ``render_scene`` with an
+    ``exposed_target``, by a ``camera_delay`` and a ``geometry_poser``. Where it servoes, a
+    ``visual_servo`` is in the hand path's place, and there is a ``target_motion_estimator``. The
+    images are those that the recognizer gets, and the port ``exposed_state`` is the state that the
+    first camera's show. The arm's default state is at rest at the path's first pose. All systems
+    see the state of the present time: the plant's ports are not sampled.
 
     .. pydrake_system::
 
@@ -238,7 +237,6 @@ def _AddView(
 ) -> None:
     """Adds what shows arm, target, clutter and the estimated pose in Meshcat."""
     plant = station.plant
-    AddClutter(builder, station.scene_graph, scenario, station.solid)
     AddMeshcat(
         builder,
         meshcat=meshcat,

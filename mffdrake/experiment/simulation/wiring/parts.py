@@ -140,46 +140,27 @@ def SolvePath(arm: MultibodyPlant, scenario: Scenario) -> PiecewisePolynomial:
 
 
 def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) -> Cameras:
-    """Adds the cameras, their latencies and disturbances, and the scenes that they see.
-
-    They get a scene of their own, one for each latency.
-    """
+    """Adds the cameras, their latencies and disturbances, and the scenes that late ones see."""
     plant, mounts = station.plant, MakeMounts(scenario)
-    rest = np.append(station.path.value(0.0), np.zeros(plant.num_velocities()))
     images: dict[str, OutputPort] = {}
     exposed: list[OutputPort] = []
     queries: list[OutputPort] = []
     latencies = list(dict.fromkeys(mount.latency for mount in mounts))
-    scenes = [station.scene_graph.Clone() for _ in latencies]
-    for latency, scene in zip(latencies, scenes, strict=True):
+    copies = [station.scene_graph.Clone() for latency in latencies if latency > 0.0]
+    AddClutter(builder, station.scene_graph, scenario, station.solid)
+    for latency in latencies:
         cameras = tuple(mount.camera for mount in mounts if mount.latency == latency)
         suffix = f"_{cameras[0].name}" if exposed else ""
-        render_scene = builder.AddNamedSystem(f"render_scene{suffix}", scene)
-        state = AddDelay(
-            builder,
-            plant.get_state_output_port(),
-            latency=latency,
-            initial_value=rest,
-            timing=scenario.timing,
-            name=f"camera_delay{suffix}",
-        )
-        geometry_pose = plant.get_geometry_pose_output_port()
+        scene, state = station.scene_graph, plant.get_state_output_port()
         if latency > 0.0:
-            poser = builder.AddNamedSystem(f"geometry_poser{suffix}", GeometryPoser(plant))
-            builder.Connect(state, poser.get_input_port())
-            geometry_pose = poser.get_output_port()
-        builder.Connect(geometry_pose, render_scene.get_source_pose_port(plant.get_source_id()))
-        station.target.AddPose(
-            builder, render_scene, scenario.target.CalcPose, name=f"exposed_target{suffix}",
-            latency=latency, still=isinstance(scenario.target.motion, AtRest),
-        )  # fmt: skip
-        AddClutter(builder, render_scene, scenario, station.solid, latency=latency)
-        renderer = _AddRenderer(render_scene, scenario)
+            scene = builder.AddNamedSystem(f"render_scene{suffix}", copies.pop(0))
+            state = _ShowLate(builder, scenario, station, scene, latency, suffix)
+        renderer = _AddRenderer(scene, scenario)
         try:
             sensors = AddStereoCamera(
                 builder,
                 plant=plant,
-                scene_graph=render_scene,
+                scene_graph=scene,
                 rig=CameraRig(cameras),
                 renderer=renderer,
                 model_instance=station.arm,
@@ -190,7 +171,7 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
         for camera in cameras:
             images[camera.name] = sensors.GetOutputPort(f"color_image_{camera.name}")
         exposed.append(state)
-        queries.append(render_scene.get_query_output_port())
+        queries.append(scene.get_query_output_port())
     rig = MakeRig(scenario)
     ordered = {name: images[name] for name in rig.names}
     try:
@@ -200,6 +181,35 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
     except ValueError as error:
         raise ScenarioError(str(error)) from error
     return Cameras(rig=rig, images=disturbed, exposed_state=exposed[0], query_object=queries[0])
+
+
+def _ShowLate(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Station,
+    scene: SceneGraph,
+    latency: float,
+    suffix: str,
+) -> OutputPort:
+    """Has a scene show everything as it was a latency [s] ago; returns the plant's state then."""
+    plant = station.plant
+    state = AddDelay(
+        builder,
+        plant.get_state_output_port(),
+        latency=latency,
+        initial_value=np.append(station.path.value(0.0), np.zeros(plant.num_velocities())),
+        timing=scenario.timing,
+        name=f"camera_delay{suffix}",
+    )
+    poser = builder.AddNamedSystem(f"geometry_poser{suffix}", GeometryPoser(plant))
+    builder.Connect(state, poser.get_input_port())
+    builder.Connect(poser.get_output_port(), scene.get_source_pose_port(plant.get_source_id()))
+    station.target.AddPose(
+        builder, scene, scenario.target.CalcPose, name=f"exposed_target{suffix}",
+        latency=latency, still=isinstance(scenario.target.motion, AtRest),
+    )  # fmt: skip
+    AddClutter(builder, scene, scenario, station.solid, latency=latency)
+    return state
 
 
 def AddClutter(

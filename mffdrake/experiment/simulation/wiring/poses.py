@@ -118,12 +118,11 @@ def CalcTruePoses(
     hand = plant.GetFrameByName(scenario.arm.hand_frame, arm)
     true_pose, CalcDesired = TruePose(scenario, diagram), MakeDesiredHand(scenario)
     X_E0W = scenario.hand_path.Make().CalcHandPose(0.0).inverse()
-    rows = []
-    for frame_time, state, exposed in zip(times, states, exposed_states, strict=True):
+    X = np.empty((3, len(times), 3, 4))
+    for k, (frame_time, state) in enumerate(zip(times, states, strict=True)):
         plant.SetPositionsAndVelocities(context, state)
-        X_CM = true_pose.CalcShown(exposed, frame_time)
-        hands = (hand.CalcPoseInWorld(context), CalcDesired(frame_time))
-        rows.append([X.GetAsMatrix34() for X in (X_CM, *(X_E0W @ X_WE for X_WE in hands))])
-    X = np.array(rows).reshape(-1, 3, 3, 4)
-    true, actual, desired = np.moveaxis(pose_from_transform(X[..., :3], X[..., 3]), 1, 0)
+        X[0, k] = true_pose.CalcShown(exposed_states[k], frame_time).GetAsMatrix34()
+        X[1, k] = (X_E0W @ hand.CalcPoseInWorld(context)).GetAsMatrix34()
+        X[2, k] = (X_E0W @ CalcDesired(frame_time)).GetAsMatrix34()
+    true, actual, desired = pose_from_transform(X[..., :3], X[..., 3])
     return true, actual, desired
