@@ -30,8 +30,11 @@ from mffdrake.recognition.visibility.drawing import facing
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+# For each pose: a call that is not inlined passes all of its tuples' arrays, some hundred numbers.
+_inlined = njit(cache=True, error_model="numpy", inline="always")
 
-@njit(cache=True, error_model="numpy")
+
+@_inlined
 def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None:
     """Finds the pixels that the first ``count`` points fall on."""
     a, b, c, pixels = scratch.points[0], scratch.points[1], scratch.points[2], scratch.pixels
@@ -67,7 +70,7 @@ def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None
         pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: ColorGate) -> int:
     """Number of points that fall on a pixel of a color that counts: delta of Eq. (21)."""
     pixels, colors, places, table = scratch.pixels, scratch.colors, gate.places, gate.table
@@ -108,7 +111,7 @@ def _edge_plane(
     return EdgePlane(nx, ny, nz, norm, in_camera(placed, a, b, c)[2])
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _place_inside(
     aspect: int,
     faces: IntArray,
@@ -195,7 +198,7 @@ def _place_inside(
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _place_strip(
     first: int,
     aspect: int,
