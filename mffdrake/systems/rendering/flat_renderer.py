@@ -183,9 +183,11 @@ class FlatRenderEngine(RenderEngine):
         if len(self._scratch) < width * height:
             self._scratch = np.empty(width * height, dtype=np.float32)
         inverse_depth = self._scratch[: width * height].reshape(height, width)
+        # Whatever interrupts it: until it is known, all of the image counts as drawn on.
+        before, canvas.drawn = canvas.drawn, (0, width, 0, height)
         canvas.drawn = rasterizer.draw(
             self._GetScene().surfaces, self._X_WGs, self._X_WC, lens, paint, unpainted, background,
-            inverse_depth, canvas.pixels, canvas.drawn,
+            inverse_depth, canvas.pixels, before,
         )  # fmt: skip
         return inverse_depth
 
