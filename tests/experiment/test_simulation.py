@@ -4,6 +4,7 @@ import dataclasses as dc
 import gc
 
 import numpy as np
+import psutil
 import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
@@ -324,6 +325,18 @@ def test_a_simulation_frees_its_diagram(method):
             assert living_systems() <= before
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize("method", ["ga", "mff"])
+def test_ten_simulations_take_no_more_memory_than_one(method):
+    """A context that is not freed is not seen by Python: it takes megabytes of C++."""
+    process, short = psutil.Process(), load(f"{{method: {method}, duration: 0.1}}")
+    for _ in range(3):
+        Simulate(short)
+    before = process.memory_info().rss
+    for _ in range(10):
+        Simulate(short)
+    assert process.memory_info().rss - before < 10e6  # one context of them would take 30 MB
 
 
 def test_a_given_diagram_can_be_used_again(scenario):

@@ -155,7 +155,8 @@ class MffPredictor(LeafSystem):
             np.full(self._exposures.num_samples * (1 + size), math.nan)
         )
 
-        # What several outputs need of a frame is computed once.
+        # What several outputs need of a frame is computed once. (The entry itself, kept here, would
+        # keep this system alive for ever.)
         self._exposed = self.DeclareCacheEntry(
             "exposed",
             ValueProducer(lambda: Value[object](), WeakCallback(self._CalcExposed)),
@@ -164,8 +165,8 @@ class MffPredictor(LeafSystem):
                 self._state.ticket(),
                 self.discrete_state_ticket(self._samples),
             },
-        )
-        from_exposed = {self.cache_entry_ticket(self._exposed.cache_index())}
+        ).cache_index()
+        from_exposed = {self.cache_entry_ticket(self._exposed)}
         self.DeclareVectorOutputPort(
             "predicted_population", 6 * num_hypotheses, WeakCallback(self._CalcPredictedPopulation)
         )
@@ -210,9 +211,14 @@ class MffPredictor(LeafSystem):
         older = context.get_discrete_state(self._samples).value()[: -len(newest)]
         discrete_state.set_value(self._samples, np.append(newest, older))
 
+    def _EvalExposed(self, context: Context) -> _Exposed:
+        exposed: _Exposed = self.get_cache_entry(self._exposed).Eval(context)
+        return exposed
+
     def _CalcExposed(self, context: Context, output: AbstractValue) -> None:
         now = EvalFinite(self, self._state, context)
-        rows = context.get_discrete_state(self._samples).value().reshape(-1, 1 + len(now))
+        # A copy: a view would keep the context, in which it is kept, alive for ever.
+        rows = context.get_discrete_state(self._samples).value().copy().reshape(-1, 1 + len(now))
         last, present = self._exposures.Rows(context.get_time(), rows=rows, now=now)
         known = not math.isnan(last[0])
         X_WD = self._CameraPose(now if math.isnan(present[0]) else present[1:])
@@ -277,7 +283,7 @@ class MffPredictor(LeafSystem):
 
     def _CalcPredictedPopulation(self, context: Context, output: BasicVector) -> None:
         population = EvalFinite(self, self._population, context)
-        exposed: _Exposed = self._exposed.Eval(context)
+        exposed = self._EvalExposed(context)
         if not exposed.known:
             output.SetFromVector(population)
             return
@@ -291,10 +297,10 @@ class MffPredictor(LeafSystem):
         output.SetFromVector(predicted.reshape(-1))
 
     def _CalcCameraDisplacement(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._exposed.Eval(context).X_DC)
+        output.set_value(self._EvalExposed(context).X_DC)
 
     def _CalcCameraPose(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._exposed.Eval(context).X_WD)
+        output.set_value(self._EvalExposed(context).X_WD)
 
     def _CalcPoseRate(self, context: Context, output: BasicVector) -> None:
         first = EvalFinite(self, self._population, context)[:6]
