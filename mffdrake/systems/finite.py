@@ -40,8 +40,8 @@ def EvalFinite(system: System, port: InputPort, context: Context) -> NDArray[np.
         array([0.5])
     """
     values: NDArray[np.float64] = port.Eval(context)
-    # Most often the sum of their squares tells, at once.
-    if not values @ values <= _MOST**2 and not (np.abs(values) <= _MOST).all():  # NaN, too
+    # Most often the sum of their squares tells, at once. (`@` would warn where that overflows.)
+    if not np.vdot(values, values) <= _MOST**2 and not (np.abs(values) <= _MOST).all():  # NaN, too
         k = int(np.argmin(np.abs(values) <= _MOST))
         raise RuntimeError(
             f"{system.get_name() or type(system).__name__}: input port '{port.get_name()}' must "
