@@ -403,9 +403,8 @@ def test_all_of_its_state_is_discrete_numbers():
     context = recognizer.CreateDefaultContext()
     assert context.num_abstract_states() == 0
     assert context.num_continuous_states() == 0
-    # Poses, fitness, the first ones for their ports; number, time; covariance; white balance;
-    # verdict; motion; images; cameras
-    assert len(state(context)) == 7 * N + 7 + 2 + 36 + 3 + 4 + NUM_NUMBERS + 2 + 12
+    # Poses, fitness; number, time; covariance; white balance; verdict; motion; images; cameras
+    assert len(state(context)) == 7 * N + 2 + 36 + 3 + 4 + NUM_NUMBERS + 2 + 12
     assert recognizer.num_hypotheses == N
 
 

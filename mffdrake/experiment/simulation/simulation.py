@@ -150,7 +150,7 @@ def Simulate(
     for frame in range(timing.NumFrames(scenario.duration)):
         tick, next_tick = timing.TickOfFrame(frame), timing.TickOfFrame(frame + 1)
         # Events at this time run in the next step, so the state here is the one the frame shows.
-        recorder.RecordTruth(timing.TimeOfTick(tick))
+        recorder.RecordTruth()
         if on_exposure is not None:
             on_exposure(simulator.get_context())
         recorder.Mark()
@@ -219,7 +219,8 @@ class _Recorder:
 
     def __init__(self, scenario: Scenario, diagram: Diagram, context: Context) -> None:
         self._diagram, self._context = diagram, context
-        self._tracker = diagram.GetSubsystemByName("recognizer").tracker
+        recognizer = diagram.GetSubsystemByName("recognizer")
+        self._tracker, self._timing = recognizer.tracker, recognizer.timing
         self._before, self._after, self._images = (
             [(name, diagram.GetOutputPort(name)) for name in names]
             for names in (
@@ -237,7 +238,7 @@ class _Recorder:
             )
         sizes = {name: port.size() for name, port in (*self._before, *self._after)}
         most = scenario.timing.NumFrames(scenario.duration)
-        self._rows, self._row = _Rows(most, {"time": 1, **sizes}), np.void(b"")
+        self._rows, self._row = _Rows(most, sizes), np.void(b"")
         self._stages_ms = dict.fromkeys(STAGES, 0.0)
         self._marks: list[float] = []
         self._start = time.perf_counter()
@@ -247,11 +248,10 @@ class _Recorder:
         """Wall time since the start [s]."""
         return time.perf_counter() - self._start
 
-    def RecordTruth(self, frame_time: float) -> None:
+    def RecordTruth(self) -> None:
         """Notes the present state and computes what the recognizer is about to read."""
         self._marks = [time.perf_counter()]
         self._row = self._rows.Add()
-        self._row["time"] = frame_time
         for name, port in self._before:
             self._row[name] = port.Eval(self._context)
         self._marks.append(time.perf_counter())
@@ -290,9 +290,11 @@ class _Recorder:
     def Result(self, scenario: Scenario) -> SimulationResult:
         """The record, of a scenario as long as it was simulated."""
         rows = self._rows.Columns()
-        states, count = rows.pop("state"), len(rows["time"])
+        states = rows.pop("state")
+        frames = range(len(states))
+        times = np.array([*map(self._timing.TimeOfFrame, frames)])
         true, actual, desired = CalcTruePoses(
-            scenario, self._diagram, rows.pop("time"), states, rows.pop("exposed_state")
+            scenario, self._diagram, times, states, rows.pop("exposed_state")
         )
         recognized = {name.removeprefix("recognizer."): rows.pop(name) for name, _ in self._after}
         matcher = getattr(self._tracker, "matcher", None)  # Others keep what they know.
@@ -301,14 +303,14 @@ class _Recorder:
         num_joints = self._diagram.GetSubsystemByName("plant").num_positions()
         return SimulationResult(
             scenario=scenario.Dump(),
-            time=np.array([*map(scenario.timing.TimeOfFrame, range(count))]),
+            time=np.array([*map(scenario.timing.TimeOfFrame, frames)]),
             true_pose=true,
             recognized_pose=np.array(list(nearest)).reshape(-1, 6),
             desired_hand_pose=desired,
             actual_hand_pose=actual,
             joint_positions=states[:, :num_joints],
             joint_velocities=states[:, num_joints:],
-            stages_ms={name: ms / count for name, ms in self._stages_ms.items()},
+            stages_ms={name: ms / len(states) for name, ms in self._stages_ms.items()},
             symmetries=str(symmetries),
             wall_s=self.wall_s,
             **recognized,

@@ -85,7 +85,6 @@ class FlatRenderEngine(RenderEngine):
             if properties.HasProperty("label", "id"):
                 label = self.GetRenderLabelOrThrow(properties)
             self._geometries[id] = _Geometry(MakeSurface(shape, properties), label)
-        if id not in self._rows:
             self._rows[id] = len(self._X_WGs)
             self._X_WGs = np.concatenate([self._X_WGs, np.empty((1, 3, 4))])
         self._X_WGs[self._rows[id]] = X_WG.GetAsMatrix34()
@@ -112,13 +111,14 @@ class FlatRenderEngine(RenderEngine):
     def DoClone(self) -> FlatRenderEngine:
         """An engine of the same state that shares nothing that changes."""
         clone = FlatRenderEngine()
-        clone._geometries = dict(self._geometries)
+        clone._geometries, clone._rows = dict(self._geometries), dict(self._rows)
+        clone._X_WGs = np.empty_like(self._X_WGs)
         for id, geometry in self._geometries.items():
             # Drake's own records of the geometries can be filled in no other way.
             properties = PerceptionProperties()
             properties.AddProperty("label", "id", geometry.label)
             clone.RegisterVisual(id, _ANY_SHAPE, properties, RigidTransform(), needs_updates=True)
-        clone._X_WGs, clone._rows = self._X_WGs.copy(), dict(self._rows)
+        clone._X_WGs[:] = self._X_WGs
         clone._X_WC = self._X_WC
         clone._scene = self._scene
         return clone

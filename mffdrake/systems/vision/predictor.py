@@ -235,8 +235,9 @@ class MffPredictor(LeafSystem):
         (frame_time,) = self._frame_time.Eval(context)
         # At a frame it is the last one's time. Between two frames the tracker has seen the present
         # one already, and this is what a logger then finds.
-        nearest = min(abs(time + self._latency - frame_time) for time in (last, present))
-        if nearest > 0.5 * self._timing.control_period:  # false for NaN: no frame yet
+        half = 0.5 * self._timing.control_period
+        # Comparisons are false for NaN: no frame yet.
+        if all(abs(time + self._latency - frame_time) > half for time in (last, present)):
             raise RuntimeError(
                 f"{self.get_name() or type(self).__name__}: at {context.get_time():.6g} s the "
                 f"tracker's last frame ('frame_time') was at {frame_time:.6g} s, but this system's "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from mffdrake.recognition import Generation, OneStepGaTracker, Tracker, TrackingState
@@ -132,8 +132,6 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._frame_time = self.DeclareDiscreteState([math.nan])
         self._poses = self.DeclareDiscreteState(np.tile(tracker.initial_pose, n))
         self._fitness = self.DeclareDiscreteState(n)
-        self._best_pose = self.DeclareDiscreteState(tracker.initial_pose)
-        self._best_fitness = self.DeclareDiscreteState(1)
         self._covariance = self.DeclareDiscreteState(np.full(36, math.nan))
         self._gains = self.DeclareDiscreteState(NO_GAINS)
         self._state = self.DeclareDiscreteState([TrackingState.SEARCHING])
@@ -144,17 +142,18 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
         self._motion = self.DeclareDiscreteState(np.full(NUM_NUMBERS, math.nan))
         self._exposed_pose = self.DeclareDiscreteState(np.full(12, math.nan))
 
-        self.DeclareStateOutputPort("pose", self._best_pose)
         # With the state as their only prerequisite, outputs have no feedthrough from the inputs.
-        from_pose = {self.discrete_state_ticket(self._best_pose)}
+        from_poses = {self.discrete_state_ticket(self._poses)}
+        from_fitness = {self.discrete_state_ticket(self._fitness)}
+        self.DeclareVectorOutputPort("pose", 6, WeakCallback(self._CalcPose), from_poses)
         self.DeclareAbstractOutputPort(
             "X_CM",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcTransform),
-            from_pose,
+            from_poses,
         )
+        self.DeclareVectorOutputPort("fitness", 1, WeakCallback(self._CalcFitness), from_fitness)
         for name, state in (
-            ("fitness", self._best_fitness),
             ("population", self._poses),
             ("population_fitness", self._fitness),
             ("frame_time", self._frame_time),
@@ -168,7 +167,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             "X_WM",
             lambda: AbstractValue.Make(RigidTransform()),
             WeakCallback(self._CalcWorldTransform),
-            from_pose | {self.discrete_state_ticket(self._exposed_pose)},
+            from_poses | {self.discrete_state_ticket(self._exposed_pose)},
         )
 
         self.DeclarePeriodicDiscreteUpdateEvent(
@@ -210,8 +209,6 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             (self._frame_time, [context.get_time()]),
             (self._poses, g.poses.reshape(-1)),
             (self._fitness, g.fitness),
-            (self._best_pose, g.best),
-            (self._best_fitness, g.fitness[:1]),
             (self._covariance, CovarianceToVector(g.covariance)),
             (self._gains, g.gains),
             (self._state, [g.state]),
@@ -274,8 +271,14 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
             )
         return port.Eval(context).data
 
+    def _CalcPose(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._poses).value()[:6])
+
+    def _CalcFitness(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._fitness).value()[:1])
+
     def _CalcTransform(self, context: Context, output: AbstractValue) -> None:
-        R, p = transform_from_pose(context.get_discrete_state(self._best_pose).value())
+        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
         output.set_value(RigidTransform(RotationMatrix(R), p))
 
     def _CalcWorldTransform(self, context: Context, output: AbstractValue) -> None:
@@ -285,7 +288,7 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
                 f"{self.get_name() or type(self).__name__}: X_WM is known from the first frame on "
                 "at which input port 'X_WC' was connected; connect it to MffPredictor's X_WC"
             )
-        R, p = transform_from_pose(context.get_discrete_state(self._best_pose).value())
+        R, p = transform_from_pose(context.get_discrete_state(self._poses).value()[:6])
         output.set_value(RigidTransform(X_WC.reshape(3, 4)) @ RigidTransform(RotationMatrix(R), p))
 
 

@@ -146,14 +146,14 @@ def AddCameras(builder: DiagramBuilder, scenario: Scenario, station: Station) ->
     exposed: list[OutputPort] = []
     queries: list[OutputPort] = []
     latencies = list(dict.fromkeys(mount.latency for mount in mounts))
-    copies = [station.scene_graph.Clone() for latency in latencies if latency > 0.0]
+    copies = {latency: station.scene_graph.Clone() for latency in latencies if latency > 0.0}
     AddClutter(builder, station.scene_graph, scenario, station.solid)
     for latency in latencies:
         cameras = tuple(mount.camera for mount in mounts if mount.latency == latency)
         suffix = f"_{cameras[0].name}" if exposed else ""
         scene, state = station.scene_graph, plant.get_state_output_port()
         if latency > 0.0:
-            scene = builder.AddNamedSystem(f"render_scene{suffix}", copies.pop(0))
+            scene = builder.AddNamedSystem(f"render_scene{suffix}", copies[latency])
             state = _ShowLate(builder, scenario, station, scene, latency, suffix)
         renderer = _AddRenderer(scene, scenario)
         try:
