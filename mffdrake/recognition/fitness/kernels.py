@@ -29,28 +29,39 @@ from mffdrake.recognition.visibility.drawing import facing
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+Pixels = NDArray[np.int32]
 
 # For each pose: a call that is not inlined passes all of its tuples' arrays, some hundred numbers.
 _inlined = njit(cache=True, error_model="numpy", inline="always")
 
 
 @_inlined
-def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None:
-    """Finds the pixels that the first ``count`` points fall on."""
-    a, b, c, pixels = scratch.points[0], scratch.points[1], scratch.points[2], scratch.pixels
+def _projection(placed: Placed, eye: Eye) -> tuple[float, ...]:
+    """X_KM row by row, twelve numbers; without distortion the first rows are in pixels already."""
+    R, p = placed.R, placed.p
+    fx, fy = (eye.lens.fx, eye.lens.fy) if eye.lens.model == NO_DISTORTION else (1.0, 1.0)
+    return (
+        fx * R[0, 0], fx * R[0, 1], fx * R[0, 2], fx * p[0],
+        fy * R[1, 0], fy * R[1, 1], fy * R[1, 2], fy * p[1],
+        R[2, 0], R[2, 1], R[2, 2], p[2],
+    )  # fmt: skip
+
+
+@_inlined
+def _find_pixels(
+    points: Array, start: int, stop: int, pixels: Pixels, projection: tuple[float, ...], eye: Eye
+) -> None:
+    """Finds the pixels that some of the points, of shape (3, n), fall on; -1 for none."""
+    a, b, c = points[0, start:stop], points[1, start:stop], points[2, start:stop]
+    R00, R01, R02, tx, R10, R11, R12, ty, R20, R21, R22, tz = projection
     lens = eye.lens
-    R00, R01, R02 = placed.R[0]
-    R10, R11, R12 = placed.R[1]
-    R20, R21, R22 = placed.R[2]
-    tx, ty, tz = placed.p
     right, below = float(eye.width), float(eye.height)
     width, nowhere = np.int32(eye.width), np.int32(-1)
     fx, fy, cu, cv = lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5
     # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
     if lens.model == NO_DISTORTION:
-        R00, R01, R02, tx = fx * R00, fx * R01, fx * R02, fx * tx
-        R10, R11, R12, ty = fy * R10, fy * R11, fy * R12, fy * ty
-        for j in range(count):  # without branches, for the compiler to take several at once
+        for j in range(len(a)):  # without branches, for the compiler to take several at once
             depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
             closeness = 1.0 / depth
             u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness + cu
@@ -58,7 +69,7 @@ def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None
             seen = (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
             pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
         return
-    for j in range(count):
+    for j in range(len(a)):
         depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
         closeness = 1.0 / depth
         x = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness
@@ -71,15 +82,27 @@ def _find_pixels(scratch: Scratch, count: int, placed: Placed, eye: Eye) -> None
 
 
 @_inlined
-def _count_matches(scratch: Scratch, start: int, stop: int, image: Image, gate: ColorGate) -> int:
+def _hide(pixels: Pixels, shown: Flags) -> int:
+    """Takes out the points that another face hides; returns how many are left."""
+    left, nowhere = 0, np.int32(-1)
+    for j in range(len(shown)):
+        pixels[j] = pixels[j] if shown[j] else nowhere
+        left += shown[j]
+    return left
+
+
+@_inlined
+def _count_matches(
+    pixels: Pixels, count: int, color: np.uint32, image: Image, gate: ColorGate
+) -> int:
     """Number of points that fall on a pixel of a color that counts: delta of Eq. (21)."""
-    pixels, colors, places, table = scratch.pixels, scratch.colors, gate.places, gate.table
+    places, table = gate.places, gate.table
     matches = 0
-    for j in range(start, stop):
+    for j in range(count):
         if pixels[j] >= 0:
             k = np.uint64(pixels[j])  # unsigned: without a check for an index from the end
             shown = look_up(places, table, image[k, 0], image[k, 1], image[k, 2])
-            matches += (shown & colors[j]) != 0
+            matches += (shown & color) != 0
     return matches
 
 
@@ -112,113 +135,91 @@ def _edge_plane(
 
 
 @_inlined
-def _place_inside(
-    aspect: int,
-    faces: IntArray,
-    visible: NDArray[np.bool_],
-    scale: float,
-    placed: Placed,
-    solid: Solid,
-    samples: Samples,
-    scratch: Scratch,
-) -> int:
-    """Writes the points of S_in, Eq. (19), moved off their face's sides; returns their number.
+def _place_near(
+    face: int, shown: Flags, scale: float, placed: Placed, samples: Samples, scratch: Scratch
+) -> tuple[int, int]:
+    """Writes a face's points near its sides, Eq. (19), moved off them.
 
     A point must lie ``scale`` off in normalized coordinates, which is
     `MatchingParameters.min_border_distance` in the image; where a face is seen obliquely, that is
     more on the face.
+
+    Returns how many of them count, and the first of the points that are far enough off.
     """
-    points, colors = scratch.points, scratch.colors
+    points = scratch.points
     inside_points, inside_distances = samples.inside_points, samples.inside_distances
     nearest, second, nearest_sides = samples.nearest, samples.second, samples.nearest_sides
     start, inside_sides = samples.inside_start, samples.inside_sides
     side_centers, side_directions = samples.side_centers, samples.side_directions
     face_sides, side_inward = samples.face_sides, samples.side_inward
-    shown = samples.visibility.shown[aspect]
     num_near = inside_distances.shape[1]
     least, inward = scratch.least, scratch.inward
-    kept = 0
-    for face in faces:
-        if not visible[face]:
-            continue
-        first = samples.face_sides_start[face]
-        greatest = 0.0
-        for s in range(samples.face_sides_start[face + 1] - first):
-            side = face_sides[first + s]
-            a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
-            nx, ny, nz, norm, depth = _edge_plane(a, b, c, side_directions, side, placed)
-            mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
-            inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
-            across = abs(mx * nx + my * ny + mz * nz)
-            least[s] = scale * depth * norm / across if across > 0.0 else 0.0
-            greatest = max(greatest, least[s])
-        color = solid.colors[face]
-        j, stop = start[face], start[face + 1]
-        while j < stop and nearest[j] < greatest:  # These come first, each one's nearest side, too.
-            a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
-            s = nearest_sides[j]
-            moved, clear = max(0.0, least[s] - nearest[j]), shown[j]
-            a += moved * inward[s, 0]
-            b += moved * inward[s, 1]
-            c += moved * inward[s, 2]
-            # Most are near one side alone.
-            k = 1 if second[j] < greatest + moved else num_near
-            while k < num_near and inside_distances[j, k] < greatest:
-                s = inside_sides[j, k]
-                gap = least[s] - inside_distances[j, k]
-                if gap > 0.0:
-                    moved += gap
-                    a += gap * inward[s, 0]
-                    b += gap * inward[s, 1]
-                    c += gap * inward[s, 2]
-                k += 1
-            k = 0 if second[j] < greatest + moved else num_near
-            # Where the face is too narrow, it now is beyond another side.
-            while k < num_near and inside_distances[j, k] < greatest + moved:
-                s = inside_sides[j, k]
-                if inside_distances[j, k] < least[s] + moved:  # else it still is clear
-                    side = face_sides[first + s]
-                    distance = (
-                        (a - side_centers[side, 0]) * inward[s, 0]
-                        + (b - side_centers[side, 1]) * inward[s, 1]
-                        + (c - side_centers[side, 2]) * inward[s, 2]
-                    )
-                    clear = clear and distance > (1.0 - 1e-9) * least[s]
-                k += 1
-            points[0, kept], points[1, kept], points[2, kept] = a, b, c
-            colors[kept] = color
-            kept += clear
-            j += 1
-        for k in range(j, stop):  # The next one overwrites what does not count.
-            points[0, kept] = inside_points[0, k]
-            points[1, kept] = inside_points[1, k]
-            points[2, kept] = inside_points[2, k]
-            colors[kept] = color
-            kept += shown[k]
-    return kept
+    first = samples.face_sides_start[face]
+    greatest = 0.0
+    for s in range(samples.face_sides_start[face + 1] - first):
+        side = face_sides[first + s]
+        a, b, c = side_centers[side, 0], side_centers[side, 1], side_centers[side, 2]
+        nx, ny, nz, norm, depth = _edge_plane(a, b, c, side_directions, side, placed)
+        mx, my, mz = side_inward[side, 0], side_inward[side, 1], side_inward[side, 2]
+        inward[s, 0], inward[s, 1], inward[s, 2] = mx, my, mz
+        across = abs(mx * nx + my * ny + mz * nz)
+        least[s] = scale * depth * norm / across if across > 0.0 else 0.0
+        greatest = max(greatest, least[s])
+    kept, j, stop = 0, start[face], start[face + 1]
+    while j < stop and nearest[j] < greatest:  # These come first, each one's nearest side, too.
+        a, b, c = inside_points[0, j], inside_points[1, j], inside_points[2, j]
+        s = nearest_sides[j]
+        moved, clear = max(0.0, least[s] - nearest[j]), shown[j]
+        a += moved * inward[s, 0]
+        b += moved * inward[s, 1]
+        c += moved * inward[s, 2]
+        # Most are near one side alone.
+        k = 1 if second[j] < greatest + moved else num_near
+        while k < num_near and inside_distances[j, k] < greatest:
+            s = inside_sides[j, k]
+            gap = least[s] - inside_distances[j, k]
+            if gap > 0.0:
+                moved += gap
+                a += gap * inward[s, 0]
+                b += gap * inward[s, 1]
+                c += gap * inward[s, 2]
+            k += 1
+        k = 0 if second[j] < greatest + moved else num_near
+        # Where the face is too narrow, it now is beyond another side.
+        while k < num_near and inside_distances[j, k] < greatest + moved:
+            s = inside_sides[j, k]
+            if inside_distances[j, k] < least[s] + moved:  # else it still is clear
+                side = face_sides[first + s]
+                distance = (
+                    (a - side_centers[side, 0]) * inward[s, 0]
+                    + (b - side_centers[side, 1]) * inward[s, 1]
+                    + (c - side_centers[side, 2]) * inward[s, 2]
+                )
+                clear = clear and distance > (1.0 - 1e-9) * least[s]
+            k += 1
+        # The next one overwrites what does not count.
+        points[0, kept], points[1, kept], points[2, kept] = a, b, c
+        kept += clear
+        j += 1
+    return kept, j
 
 
 @_inlined
 def _place_strip(
-    first: int,
     aspect: int,
-    visible: NDArray[np.bool_],
+    visible: Flags,
     scale: float,
     placed: Placed,
-    solid: Solid,
     samples: Samples,
     scratch: Scratch,
 ) -> int:
-    """Writes the points of S_out, Eq. (20), from ``first`` on; returns where they end.
-
-    They lie outside the silhouette. Any color of the model counts there, hidden faces' too.
-    """
-    points, colors = scratch.points, scratch.colors
+    """Writes the points of S_out, Eq. (20), outside the silhouette; returns how many there are."""
+    points = scratch.points
     edge_points, edge_directions = samples.edge_points, samples.edge_directions
     edge_faces, edge_inward = samples.edge_faces, samples.edge_inward
-    visibility = samples.visibility
+    visibility, offsets = samples.visibility, samples.strip_offsets
     counted, rows = visibility.points, visibility.rows
-    kept = first
+    kept = 0
     for entry in range(visibility.edges_start[aspect], visibility.edges_start[aspect + 1]):
         # The edges between a visible and a hidden face
         k = visibility.edges[entry]
@@ -235,22 +236,22 @@ def _place_strip(
         if toward > 0.0:
             norm = -norm
         nx, ny, nz = nx / norm, ny / norm, nz / norm
-        for row in range(len(samples.strip_offsets)):
-            offset = max(samples.strip_offsets[row], scale * depth)
-            for j in range(j0, j1):
-                if (rows[j] >> row) & 1:
-                    q = counted[j]
-                    points[0, kept] = edge_points[0, q] + offset * nx
-                    points[1, kept] = edge_points[1, q] + offset * ny
-                    points[2, kept] = edge_points[2, q] + offset * nz
-                    colors[kept] = solid.all_colors
+        for j in range(j0, j1):
+            q, counts = counted[j], rows[j]
+            a, b, c = edge_points[0, q], edge_points[1, q], edge_points[2, q]
+            for row in range(len(offsets)):
+                if (counts >> row) & 1:
+                    offset = max(offsets[row], scale * depth)
+                    points[0, kept] = a + offset * nx
+                    points[1, kept] = b + offset * ny
+                    points[2, kept] = c + offset * nz
                     kept += 1
     return kept
 
 
 @njit(cache=True, error_model="numpy")
 def find_visible(
-    faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: NDArray[np.bool_]
+    faces: IntArray, placed: Placed, solid: Solid, min_cosine: float, visible: Flags
 ) -> None:
     """Fills in which of some faces look at the camera."""
     normals, centers, eye = solid.normals, solid.centers, placed.p_MK
@@ -263,37 +264,46 @@ def find_visible(
 def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules) -> Array:
     """Fitness, Eq. (22), of pose vectors, shape (N, 6)."""
     solid, visibility = scene.solid, samples.visibility
+    inside_points, start = samples.inside_points, samples.inside_start
     visible = np.empty(len(solid.normals), dtype=np.bool_)
-    most_points = samples.inside_points.shape[1] + samples.edge_points.shape[1] * len(
-        samples.strip_offsets
-    )
-    most_points += 1  # and a place for one that does not count
+    strip = samples.edge_points.shape[1] * len(samples.strip_offsets)
+    most_points = max(inside_points.shape[1], strip) + 1  # and a place for one that does not count
     scratch = Scratch(
         np.empty((3, most_points)),
-        np.empty(most_points, dtype=np.uint32),
         np.empty(most_points, dtype=np.int32),
         np.empty(samples.most_sides),
         np.empty((samples.most_sides, 3)),
     )
+    pixels = scratch.pixels
     placed = new_placed()
     fitness = np.zeros(len(poses))
     for view in scene.views:
-        lens = view.eye.lens
+        image, eye = view.pixels, view.eye
         for i in range(len(poses)):
-            place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
+            place(rotation(poses[i, 3:]), poses[i, :3], eye, placed)
             aspect = aspect_shown(placed, solid.middle, visibility.grid)
-            start = visibility.faces_start
-            faces = visibility.faces[start[aspect] : start[aspect + 1]]
+            first, last = visibility.faces_start[aspect], visibility.faces_start[aspect + 1]
+            faces, shown = visibility.faces[first:last], visibility.shown[aspect]
             find_visible(faces, placed, solid, rules.min_cosine, visible)
             z = placed.p[2]
-            pixels_a_unit = magnification(lens, placed.p[0] / z, placed.p[1] / z)
-            scale = (rules.min_border_distance + view.eye.calibration_error) / pixels_a_unit
-            # Lambda of Eq. (21): the inside points of the visible faces
-            count = _place_inside(aspect, faces, visible, scale, placed, solid, samples, scratch)
-            end = _place_strip(count, aspect, visible, scale, placed, solid, samples, scratch)
-            _find_pixels(scratch, end, placed, view.eye)
-            matches = _count_matches(scratch, 0, count, view.pixels, scene.gate)
-            matches -= _count_matches(scratch, count, end, view.pixels, scene.gate)
+            pixels_a_unit = magnification(eye.lens, placed.p[0] / z, placed.p[1] / z)
+            scale = (rules.min_border_distance + eye.calibration_error) / pixels_a_unit
+            projection = _projection(placed, eye)
+            count, matches = 0, 0  # Lambda of Eq. (21): the inside points of the visible faces
+            for face in faces:
+                if visible[face] and start[face] < start[face + 1]:
+                    near, j = _place_near(face, shown, scale, placed, samples, scratch)
+                    far = shown[j : start[face + 1]]
+                    _find_pixels(scratch.points, 0, near, pixels, projection, eye)
+                    _find_pixels(inside_points, j, start[face + 1], pixels[near:], projection, eye)
+                    count += near + _hide(pixels[near:], far)
+                    matches += _count_matches(
+                        pixels, near + len(far), solid.colors[face], image, scene.gate
+                    )
+            # Any color of the model counts outside the silhouette, hidden faces' too.
+            end = _place_strip(aspect, visible, scale, placed, samples, scratch)
+            _find_pixels(scratch.points, 0, end, pixels, projection, eye)
+            matches -= _count_matches(pixels, end, solid.all_colors, image, scene.gate)
             if count > 0 and matches > 0:
                 fitness[i] += matches / count  # Eq. (21), at least zero
     return fitness / len(scene.views)  # Eq. (22)
@@ -303,14 +313,11 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
 def middle_shown(poses: Array, scene: Scene) -> IntArray:
     """In how many views a solid's middle falls on a pixel of one of its colors, shape (N,)."""
     shown = np.zeros(len(poses), dtype=np.int64)
-    placed, middle = new_placed(), scene.solid.middle
-    scratch = Scratch(
-        middle.reshape(3, 1), np.full(1, scene.solid.all_colors), np.empty(1, dtype=np.int32),
-        np.empty(0), np.empty((0, 3)),
-    )  # fmt: skip
+    placed, pixels = new_placed(), np.empty(1, dtype=np.int32)
+    middle, color = scene.solid.middle.reshape(3, 1), scene.solid.all_colors
     for view in scene.views:
         for i in range(len(poses)):
             place(rotation(poses[i, 3:]), poses[i, :3], view.eye, placed)
-            _find_pixels(scratch, 1, placed, view.eye)
-            shown[i] += _count_matches(scratch, 0, 1, view.pixels, scene.gate)
+            _find_pixels(middle, 0, 1, pixels, _projection(placed, view.eye), view.eye)
+            shown[i] += _count_matches(pixels, 1, color, view.pixels, scene.gate)
     return shown

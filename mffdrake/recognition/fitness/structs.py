@@ -136,14 +136,12 @@ class Scratch(NamedTuple):
 
     Attributes:
         points: In the target's frame, shape (3, n).
-        colors: The bits of the colors that count at each, shape (n,).
-        pixels: The pixel that each falls on, or -1, shape (n,).
+        pixels: The pixels that points fall on, -1 for none, shape (n,).
         least: How far points must lie off each side of a face [m], shape (S,).
         inward: Unit vectors off those sides, shape (S, 3).
     """
 
     points: Array
-    colors: Bits
     pixels: NDArray[np.int32]
     least: Array
     inward: Array
