@@ -221,6 +221,7 @@ def test_rotation_angle_between_turns_about_one_axis(angle):
     b = axis * np.sin(0.5 * 0.7)
     assert rotation_angle(a, b) == pytest.approx(angle, abs=1e-7 if angle > 3.1 else 1e-14)
     assert rotation_angle(b, a) == pytest.approx(float(rotation_angle(a, b)), abs=1e-15)
+    assert rotations.angle_between(a, b) == pytest.approx(float(rotation_angle(a, b)), abs=1e-15)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -228,6 +229,7 @@ def test_rotation_angle_is_that_of_the_relative_rotation(seed):
     a, b = np.random.default_rng(seed).uniform(-0.57, 0.57, size=(2, 3))
     cosine = 0.5 * (np.trace(true_rotation(a).T @ true_rotation(b)) - 1)
     assert rotation_angle(a, b) == pytest.approx(np.arccos(cosine))
+    assert rotations.angle_between(a, b) == pytest.approx(np.arccos(cosine))
 
 
 # Poses and transforms, Eq. (1), (13)

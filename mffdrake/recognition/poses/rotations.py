@@ -141,6 +141,17 @@ def rotation(eps: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
+def angle_between(eps: Array, other: Array) -> float:
+    """Angle [rad] between two quaternions' vector parts, in [0, pi], as `rotation_angle`."""
+    a1, a2, a3 = eps
+    b1, b2, b3 = other
+    a0, b0 = scalar_part(a1, a2, a3), scalar_part(b1, b2, b3)
+    less = (a0 - b0) ** 2 + (a1 - b1) ** 2 + (a2 - b2) ** 2 + (a3 - b3) ** 2
+    more = (a0 + b0) ** 2 + (a1 + b1) ** 2 + (a2 + b2) ** 2 + (a3 + b3) ** 2
+    return 4.0 * math.atan2(math.sqrt(min(less, more)), math.sqrt(max(less, more)))
+
+
+@njit(cache=True, error_model="numpy")
 def move(pose: Array, step: Array) -> Array:
     """A pose moved by a translation and a rotation vector, both in the rig's frame, shape (6,).
 

@@ -18,14 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mffdrake.recognition.fitness.matching import NO_GAINS, Gains, Images, Matcher
 from mffdrake.recognition.parameters import Finite, Limit, NonNegative, Share, parameters
-from mffdrake.recognition.poses.pose import rotation_angle
-from mffdrake.recognition.poses.pose_motion import quaternion_rate_matrix
 from mffdrake.recognition.refinement.outcome import Outcome
 
 if TYPE_CHECKING:
     from mffdrake.recognition.fitness.structs import Scene
     from mffdrake.recognition.refinement.borders import BorderRules, Stage
-    from mffdrake.recognition.refinement.refining import Result
+    from mffdrake.recognition.refinement.refining import Change, Result
 
 Array = NDArray[np.float64]
 
@@ -294,14 +292,16 @@ class BorderRefiner:
         from mffdrake.recognition.refinement import refining  # numba: slow to import
 
         given = np.array(pose, dtype=float).reshape(6)
-        code, *rest = refining.refine(given, scene, self.rules, self.stages)
-        result = refining.Result(Outcome(code), *rest)
+        samples, matching = self.matcher.structs[1:]
+        code, *rest = refining.refine(given, scene, samples, matching, self.rules, self.stages)
+        result = refining.Result(Outcome(code), *rest[: -len(refining.Change._fields)])
+        change = refining.Change(*rest[-len(refining.Change._fields) :])
         expected = math.hypot(
             max(self.parameters.border_error, _IMAGING_ERROR),
             math.sqrt(result.aliasing / 12.0),
             self._calibration_error,
         )
-        refined, C = result.pose, result.covariance
+        outcome = self._judge(result, change, expected)
         found: dict[str, Any] = {
             "num_borders": result.num_borders,
             "explained": result.num_borders / max(1, result.sought),
@@ -310,35 +310,26 @@ class BorderRefiner:
             "aliasing": result.aliasing,
             "disagreement": result.disagreement,
         }  # fmt: skip
-        outcome, fitness = result.outcome, math.nan
-        if outcome == Outcome.CONVERGED:
-            outcome = self._judge(given, result, expected)
-        if outcome == Outcome.CONVERGED:
-            both = np.stack([refined, given])
-            fitness, before = self.matcher.score(both, scene).tolist()
-            if fitness < before - self.parameters.fitness_tolerance:
-                outcome = Outcome.LESS_FIT
-            elif fitness < self.parameters.min_fitness:
-                outcome = Outcome.UNFIT
         if outcome != Outcome.CONVERGED:
             return Refinement(given, outcome, **found)
-        to_pose = np.eye(6)
-        to_pose[3:, 3:] = quaternion_rate_matrix(refined[3:])
-        return Refinement(refined, outcome, to_pose @ C @ to_pose.T, fitness, **found)
+        return Refinement(result.pose, outcome, change.covariance, change.fitness, **found)
 
-    def _judge(self, given: Array, result: Result, expected: float) -> Outcome:
-        """Whether a pose at which the steps ended is accepted, apart from its fitness."""
-        p, variances = self.parameters, np.diag(result.covariance)
-        if result.inlier_ratio < p.min_trusted:
-            return Outcome.TOO_FEW_INLIERS
-        if result.residual > p.max_residual * expected:
-            return Outcome.LARGE_RESIDUAL
+    def _judge(self, result: Result, change: Change, expected: float) -> Outcome:
+        """Whether a pose at which the steps ended is accepted."""
+        p, variances = self.parameters, np.diag(result.covariance).tolist()
         far, wide = p.max_position_std, math.radians(p.max_rotation_std_deg)
         # Products overflow to infinity, powers to an error.
-        if not (variances[:3].sum() <= far * far and variances[3:].sum() <= wide * wide):
-            return Outcome.UNCERTAIN
-        shift = np.linalg.norm(result.pose[:3] - given[:3])
-        turn = float(rotation_angle(result.pose[3:], given[3:]))
-        if not (shift <= p.max_shift and turn <= math.radians(p.max_turn_deg)):
-            return Outcome.TOO_FAR
+        certain = sum(variances[:3]) <= far * far and sum(variances[3:]) <= wide * wide
+        near = change.shift <= p.max_shift and change.turn <= math.radians(p.max_turn_deg)
+        for fails, outcome in (
+            (result.outcome != Outcome.CONVERGED, result.outcome),
+            (result.inlier_ratio < p.min_trusted, Outcome.TOO_FEW_INLIERS),
+            (result.residual > p.max_residual * expected, Outcome.LARGE_RESIDUAL),
+            (not certain, Outcome.UNCERTAIN),
+            (not near, Outcome.TOO_FAR),
+            (change.fitness < change.before - p.fitness_tolerance, Outcome.LESS_FIT),
+            (change.fitness < p.min_fitness, Outcome.UNFIT),
+        ):
+            if fails:
+                return outcome
         return Outcome.CONVERGED

@@ -6,15 +6,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.fitness.structs import Scene
+from mffdrake.recognition.fitness.kernels import fitness_of_poses
+from mffdrake.recognition.fitness.structs import Rules, Samples, Scene
 from mffdrake.recognition.poses.cholesky import factor, invert, solve
-from mffdrake.recognition.poses.rotations import move
+from mffdrake.recognition.poses.rotations import angle_between, move, scalar_part
 from mffdrake.recognition.refinement.borders import (
     BorderRules,
     Borders,
@@ -71,6 +72,24 @@ class Result(NamedTuple):
     residual: float
     aliasing: float
     disagreement: float
+
+
+class Change(NamedTuple):
+    """What a refinement that converged has changed.
+
+    Attributes:
+        covariance: Of the pose vector's error, shape (6, 6).
+        shift: How far it is from the pose that it started at [m].
+        turn: How far it is turned against that [rad].
+        fitness: Its fitness.
+        before: That of the pose that it started at.
+    """
+
+    covariance: Array
+    shift: float
+    turn: float
+    fitness: float
+    before: float
 
 
 class CalibrationSums(NamedTuple):
@@ -163,10 +182,53 @@ def _disagreement(pose: Array, lines: Lines, borders: Borders, scene: Scene) -> 
 
 
 @njit(cache=True, error_model="numpy")
+def _pose_covariance(pose: Array, C: Array) -> Array:
+    """Covariance of a pose vector's error by that of translation and rotation vector."""
+    e1, e2, e3 = pose[3:]
+    eta = scalar_part(e1, e2, e3)
+    A, P = np.eye(6), np.zeros((6, 6))
+    # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6)
+    A[3, 3], A[3, 4], A[3, 5] = 0.5 * eta, 0.5 * e3, -0.5 * e2
+    A[4, 3], A[4, 4], A[4, 5] = -0.5 * e3, 0.5 * eta, 0.5 * e1
+    A[5, 3], A[5, 4], A[5, 5] = 0.5 * e2, -0.5 * e1, 0.5 * eta
+    for i in range(6):
+        for j in range(6):
+            for k in range(6):
+                for n in range(6):
+                    P[i, j] += A[i, k] * C[k, n] * A[j, n]
+    return P
+
+
+@njit(cache=True, error_model="numpy")
+def _compare(start: Array, result: Result, scene: Scene, samples: Samples, rules: Rules) -> Change:
+    """What has changed since the start; nothing where the refinement did not converge."""
+    if result.outcome != Outcome.CONVERGED:
+        return Change(np.full((6, 6), np.nan), 0.0, 0.0, np.nan, np.nan)
+    pose, both = result.pose, np.empty((2, 6))
+    both[0], both[1] = pose, start
+    fitness, before = fitness_of_poses(both, scene, samples, rules)
+    return Change(
+        _pose_covariance(pose, result.covariance),
+        math.sqrt(((pose[:3] - start[:3]) ** 2).sum()),
+        angle_between(pose[3:], start[3:]),
+        fitness,
+        before,
+    )
+
+
+@njit(cache=True, error_model="numpy")
 def refine(
-    start: Array, scene: Scene, rules: BorderRules, stages: tuple[Stage, ...]
-) -> tuple[int, Array, Array, int, int, int, float, float, float, float]:
-    """Refines a pose, see `BorderRefiner.refine`. Returns the fields of a `Result`."""
+    start: Array,
+    scene: Scene,
+    samples: Samples,
+    matching: Rules,
+    rules: BorderRules,
+    stages: tuple[Stage, ...],
+) -> tuple[Any, ...]:
+    """Refines a pose, see `BorderRefiner.refine`.
+
+    Returns the fields of a `Result`, and behind them those of a `Change`.
+    """
     result = _without_fit(Outcome.NOT_CONVERGED, start, 0, 0)
     for index in range(len(stages)):
         stage, final = stages[index], index == len(stages) - 1
@@ -177,10 +239,12 @@ def refine(
         result = _refine_once(result.pose, scene, rules, stage, final)
         if result.outcome != Outcome.CONVERGED:
             break
+    change = _compare(start, result, scene, samples, matching)
     return (
         result.outcome.value, result.pose, result.covariance, result.num_borders,
         result.num_jumps, result.sought, result.inlier_ratio, result.residual, result.aliasing,
         result.disagreement,
+        change.covariance, change.shift, change.turn, change.fitness, change.before,
     )  # fmt: skip
 
 

@@ -178,11 +178,13 @@ class Symmetries:
         Returns:
             A pose vector, shape (6,); the very same where it is the nearest.
         """
+        from mffdrake.recognition.poses.rotations import angle_between  # numba: slow to import
+
         if len(self.axes) > 1:
             R, p = transform_from_pose(pose)
             onto = transform_from_pose(other)[0]
             return np.asarray(pose_from_transform(onto, p + (R - onto) @ self.center))
-        if not len(self.axes) and 2.0 * rotation_angle(pose[3:], other[3:]) < self._least:
+        if not len(self.axes) and 2.0 * angle_between(pose[3:], other[3:]) < self._least:
             return pose
         poses = np.concatenate([pose[None], self.turns.of(pose)])
         if len(self.axes):

@@ -232,9 +232,10 @@ class PoseRecognizer(LeafSystem, Generic[TrackerT]):
 
         All copies: a tracker may write on what it is given, but not on the Context.
         """
+        kept = context.get_discrete_state()
 
         def numbers(index) -> NDArray[np.float64]:
-            return context.get_discrete_state(index).value().copy()
+            return kept.value(index).copy()
 
         poses, covariance = self._CarriedPoses(context), numbers(self._covariance)
         red, green, blue = numbers(self._gains).tolist()
