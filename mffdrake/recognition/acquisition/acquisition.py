@@ -251,8 +251,9 @@ class Acquisition:
         counts = count_explained(
             np.array(pose, dtype=float), scene, self.refiner.rules, look, float(p.tolerance)
         )
-        shown, sought = counts.sum(axis=0).tolist()
-        shares = [one / of for one, of in counts.tolist() if of >= _LEAST_IN_ONE]
+        each = counts.tolist()
+        shown, sought = map(sum, zip(*each, strict=True))
+        shares = [one / of for one, of in each if of >= _LEAST_IN_ONE]
         uneven = max(shares) - min(shares) if shares else 0.0
         return Explained(shown, shown / max(sought, p.least_rows), uneven)
 

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.genetic.random_numbers import generator_at
+from mffdrake.recognition.poses.rotations import cross_product, scalar_part
 
 Array = NDArray[np.float64]
 Genes = NDArray[np.int64]
@@ -125,47 +126,51 @@ def cross_and_mutate(
     return children
 
 
-@njit(cache=True)
-def _dot(a: Array, b: Array) -> float:
-    """Scalar product; numba's own needs SciPy."""
-    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return product
-
-
-@njit(cache=True)
-def _rotate(eta: float, e: Array, v: Array) -> Array:
-    """A vector rotated by the unit quaternion (eta, e)."""
-    t = 2.0 * np.cross(e, v)
-    return v + eta * t + np.cross(e, t)
+@njit(cache=True, error_model="numpy")
+def _turned(
+    eta: float, e1: float, e2: float, e3: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """A vector (x, y, z), rotated by the unit quaternion (eta, e)."""
+    tx, ty, tz = cross_product(e1, e2, e3, x, y, z)
+    tx, ty, tz = 2.0 * tx, 2.0 * ty, 2.0 * tz
+    sx, sy, sz = cross_product(e1, e2, e3, tx, ty, tz)
+    return x + eta * tx + sx, y + eta * ty + sy, z + eta * tz + sz
 
 
 @njit(cache=True, error_model="numpy")
 def draw_local_moves(pose: Array, count: int, moves: Moves, address: int) -> Array:
     """Poses around one, see `LocalMoves`."""
-    rng = generator_at(address)
-    poses = np.empty((count, 6))
-    step = np.empty(7)
-    r, eps = pose[:3], pose[3:]
-    eta = math.sqrt(max(0.0, 1.0 - _dot(eps, eps)))
-    sight = r - moves.middle
-    sight = sight / math.sqrt(_dot(sight, sight))
+    # All in single numbers: each small array would be memory of its own.
+    rng, poses, step = generator_at(address), np.empty((count, 6)), np.empty(7)
+    x, y, z, e1, e2, e3 = pose
+    eta = scalar_part(e1, e2, e3)
+    sx, sy, sz = x - moves.middle[0], y - moves.middle[1], z - moves.middle[2]
+    distance = math.sqrt(sx * sx + sy * sy + sz * sz)
+    sx, sy, sz = sx / distance, sy / distance, sz / distance
+    half, depth, shift = 0.5 * moves.rotation, moves.depth, moves.shift
     for n in range(count):
         size = 10.0 ** (-moves.decades * rng.random())
         for i in range(7):
             number = size * rng.standard_normal()
             step[i] = number if rng.random() >= moves.sparsity else 0.0
         # A rotation vector's half is the quaternion's vector part, to first order.
-        turning, depth, shift = step[:3], step[3], step[4:]
-        turn = 0.5 * moves.rotation * turning
-        turn = turn / max(1.0, math.sqrt(_dot(turn, turn)))
-        turn_eta = math.sqrt(max(0.0, 1.0 - _dot(turn, turn)))
-        arm = _rotate(eta, eps, moves.pivots[rng.integers(0, len(moves.pivots))])
-        turned = r + arm - _rotate(turn_eta, turn, arm)
-        poses[n, :3] = turned + moves.depth * depth * sight + moves.shift * shift
+        t1, t2, t3 = half * step[0], half * step[1], half * step[2]
+        length = max(1.0, math.sqrt(t1 * t1 + t2 * t2 + t3 * t3))
+        t1, t2, t3 = t1 / length, t2 / length, t3 / length
+        t0 = scalar_part(t1, t2, t3)
+        pivot = moves.pivots[rng.integers(0, len(moves.pivots))]
+        ax, ay, az = _turned(eta, e1, e2, e3, pivot[0], pivot[1], pivot[2])
+        bx, by, bz = _turned(t0, t1, t2, t3, ax, ay, az)
+        nearer = depth * step[3]
+        poses[n, 0] = x + ax - bx + nearer * sx + shift * step[4]
+        poses[n, 1] = y + ay - by + nearer * sy + shift * step[5]
+        poses[n, 2] = z + az - bz + nearer * sz + shift * step[6]
         # Product of the two quaternions, with the sign that makes the scalar part positive
-        scalar = turn_eta * eta - _dot(turn, eps)
-        vector = turn_eta * eps + eta * turn + np.cross(turn, eps)
-        poses[n, 3:] = -vector if scalar < 0.0 else vector
+        sign = -1.0 if t0 * eta - (t1 * e1 + t2 * e2 + t3 * e3) < 0.0 else 1.0
+        c1, c2, c3 = cross_product(t1, t2, t3, e1, e2, e3)
+        poses[n, 3] = sign * (t0 * e1 + eta * t1 + c1)
+        poses[n, 4] = sign * (t0 * e2 + eta * t2 + c2)
+        poses[n, 5] = sign * (t0 * e3 + eta * t3 + c3)
     return poses
 
 

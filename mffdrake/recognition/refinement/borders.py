@@ -109,7 +109,7 @@ def _shows(pixels: Image, k: int, gate: ColorGate, color: int) -> bool:
     return (shown & color) != 0  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _find_border(
     pixels: Image, scan: Scan, sides: Sides, gate: ColorGate, noise: float, rules: BorderRules
 ) -> tuple[float, float]:
@@ -154,7 +154,8 @@ def _find_border(
     total, blended = 0.0, 0.0
     # How far off colors may be along the line between the two sides, and squared, off it
     along = rules.max_mismatch + _NOISE_SPAN * noise / math.sqrt(contrast)
-    dr_each, dg_each, db_each = dr / contrast, dg / contrast, db / contrast
+    each = 1.0 / contrast
+    dr_each, dg_each, db_each = dr * each, dg * each, db * each
     aside = rules.max_mismatch**2 * contrast + (_NOISE_SPAN * noise) ** 2
     for i in range(-blend - 1, blend + 3):
         p = last + i * step

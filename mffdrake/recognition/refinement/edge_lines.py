@@ -149,7 +149,7 @@ def _in_view(R_CM: Array, pose: Array, eye: Eye, p_M: Array) -> tuple[float, flo
     return p_K
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array) -> None:
     """Where rows (or columns) at pixel coordinates ``along`` cross a line, shape (n,).
 
@@ -167,14 +167,16 @@ def cross(eye: Eye, line: Line, along: Array, across: Array, x: Array, y: Array)
                 guess = share + (along[k] - along[k - 1]) * slower
             share, across[k], x[k], y[k] = _cross_bent(lens, line, along[k], guess)
     elif line.rows:
+        pitch, each = 1.0 / lens.fy, -1.0 / l0
         for k in range(len(along)):
-            y[k] = (along[k] - lens.cy) / lens.fy
-            x[k] = -(l1 * y[k] + l2) / l0
+            y[k] = (along[k] - lens.cy) * pitch
+            x[k] = (l1 * y[k] + l2) * each
             across[k] = lens.fx * x[k] + lens.cx
     else:
+        pitch, each = 1.0 / lens.fx, -1.0 / l1
         for k in range(len(along)):
-            x[k] = (along[k] - lens.cx) / lens.fx
-            y[k] = -(l0 * x[k] + l2) / l1
+            x[k] = (along[k] - lens.cx) * pitch
+            y[k] = (l0 * x[k] + l2) * each
             across[k] = lens.fy * y[k] + lens.cy
 
 
@@ -214,6 +216,15 @@ def _cross_bent(lens: Lens, line: Line, at: float, share: float) -> Crossing:
 
 
 @njit(cache=True, error_model="numpy")
+def _magnified(lens: Lens, line: Line, x: float, y: float) -> float:
+    """How far a line's crossing moves [px] where the line moves across itself by 1, times l."""
+    ux, uy, vx, vy = pixel_jacobian(lens, x, y)
+    across = line.l0 * vy - line.l1 * vx if line.rows else line.l1 * ux - line.l0 * uy
+    moved: float = (ux * vy - uy * vx) / across
+    return moved
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def cross_jacobians(eye: Eye, line: Line, x: Array, y: Array, pose: Array, J: Array) -> None:
     """Derivatives of what `cross` finds with respect to a `move` of the pose, to ``J``, (n, 6).
 
@@ -223,19 +234,20 @@ def cross_jacobians(eye: Eye, line: Line, x: Array, y: Array, pose: Array, J: Ar
     its crossing with a row moves by ``g det D / (l0 D_vy - l1 D_vx)``, that with a column by
     ``g det D / (l1 D_ux - l0 D_uy)``.
     """
-    lens, p, rows = eye.lens, eye.p_KC, line.rows
-    l0, l1, x0, y0 = line.l0, line.l1, line.x0, line.y0
+    lens, p, x0, y0 = eye.lens, eye.p_KC, line.x0, line.y0
     dx, dy = line.x1 - x0, line.y1 - y0
+    steep = abs(dy) > abs(dx)
+    each = 1.0 / dy if steep else 1.0 / dx
     # Along a straight edge the inverse depth is linear in normalized coordinates.
     closeness, more = 1.0 / line.first_depth, 1.0 / line.last_depth - 1.0 / line.first_depth
-    n0, n1, n2 = turned_back(eye, l0, l1, line.l2)
+    n0, n1, n2 = turned_back(eye, line.l0, line.l1, line.l2)
     t0, t1, t2 = pose[0], pose[1], pose[2]
+    magnified = _magnified(lens, line, x0, y0)  # the same all over where the lens bends nothing
     for k in range(len(x)):
-        ux, uy, vx, vy = pixel_jacobian(lens, x[k], y[k])
-        share = (y[k] - y0) / dy if abs(dy) > abs(dx) else (x[k] - x0) / dx
-        depth = 1.0 / (closeness + share * more)
-        across = l0 * vy - l1 * vx if rows else l1 * ux - l0 * uy
-        scale = (ux * vy - uy * vx) / (across * depth)
+        if lens.model != NO_DISTORTION:
+            magnified = _magnified(lens, line, x[k], y[k])
+        near = closeness + more * (each * (y[k] - y0 if steep else x[k] - x0))
+        depth, scale = 1.0 / near, magnified * near
         q0, q1, q2 = turned_back(eye, x[k] * depth - p[0], y[k] * depth - p[1], depth - p[2])
         q0, q1, q2 = q0 - t0, q1 - t1, q2 - t2
         J[k, 0], J[k, 1], J[k, 2] = n0 * scale, n1 * scale, n2 * scale

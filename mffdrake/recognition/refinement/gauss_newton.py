@@ -73,7 +73,7 @@ class Fit(NamedTuple):
     residual: float
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _add(J: Array, r: float, w: float, equations: Equations, sums: LineSums, line: int) -> None:
     """Adds one border to the normal equations and to its line's sums."""
     for i in range(6):
@@ -113,26 +113,29 @@ def normal_equations(
     linearize(pose, lines, borders, scene, residuals, J)
     scale = max(least, 1.4826 * float(np.median(np.abs(residuals))))
     # The cut is robust; what remains within it tells the variance.
-    total, weights = 0.0, 0.0
+    total, weights, unit = 0.0, 0.0, 1.0 / (scale * scale)
     for k in range(len(borders)):
-        weight = _tukey_weight(residuals[k] ** 2 / (scale * scale))
+        weight = _tukey_weight(residuals[k] ** 2 * unit)
+        borders[k].weight = weight
         total += weight * residuals[k] ** 2
         weights += weight
     spread = max(least**2, total / weights)
     sums = LineSums(np.zeros((len(lines), 6)), np.zeros(len(lines)), np.zeros(len(lines)))
     N[:], b[:] = 0.0, 0.0
-    for k in range(len(borders)):
+    number, variance = -1, spread
+    for k in range(len(borders)):  # line after line
         border = borders[k]
-        line = lines[border.line]
-        variance = spread
-        if abs(line.slope) < _STEEPEST:
-            # Borders that round to the same pixel share the error of it: together they count as
-            # one. In a steeper edge those errors follow each other too fast to matter.
-            length = abs(line.last - line.first)
-            same = min(length, 1.0 / max(abs(line.slope), 1e-9)) / found.spacing
-            variance += found.aliasing / 12.0 * same
-        border.weight = _tukey_weight(residuals[k] ** 2 / (scale * scale)) / variance
-        _add(J[k], residuals[k], border.weight, equations, sums, border.line)
+        if border.line != number:
+            number, variance = border.line, spread
+            line = lines[number]
+            if abs(line.slope) < _STEEPEST:
+                # Borders that round to the same pixel share the error of it: together they count
+                # as one. In a steeper edge those errors follow each other too fast to matter.
+                length = abs(line.last - line.first)
+                same = min(length, 1.0 / max(abs(line.slope), 1e-9)) / found.spacing
+                variance += found.aliasing / 12.0 * same
+        border.weight /= variance
+        _add(J[k], residuals[k], border.weight, equations, sums, number)
     residuals, J = np.empty(len(jumps)), np.empty((len(jumps), 6))
     linearize(pose, lines, jumps, scene, residuals, J)
     for k in range(len(jumps)):

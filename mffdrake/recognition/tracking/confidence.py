@@ -132,11 +132,11 @@ def probability_within(covariance: ArrayLike) -> float:
         >>> round(probability_within(np.diag(3 * [0.001**2] + 3 * [0.002**2])), 6)
         0.999985
     """
-    variances = np.diag(np.asarray(covariance, dtype=float))
+    variances = np.diag(np.asarray(covariance, dtype=float)).tolist()
     product = 1.0
     for limit, variance in (
-        (RIGHT_POSITION, variances[:3].mean()),
-        (RIGHT_ROTATION, variances[3:].mean()),
+        (RIGHT_POSITION, sum(variances[:3]) / 3.0),
+        (RIGHT_ROTATION, sum(variances[3:]) / 3.0),
     ):
         x = limit / math.sqrt(max(variance, 1e-18))  # Maxwell's distribution
         tail = math.sqrt(2.0 / math.pi) * x * math.exp(-0.5 * x * x)
