@@ -317,9 +317,16 @@ def _fill(
             short = b[0] + (v - b[1]) * ((c[0] - b[0]) / (c[1] - b[1]))
         i0, i1 = _centers_between(min(long, short), max(long, short), width)
         start = kv * v + k0
-        for i in range(i0, i1):
-            w = np.float32(start + ku * (i + 0.5))
-            if w > inverse_depth[j, i]:
-                inverse_depth[j, i] = w
-                if image is not None:
-                    image[j, i] = value
+        depths = inverse_depth[j, i0:i1]
+        # Without branches, for the compiler to take several pixels at once
+        if image is None:
+            for i in range(i1 - i0):
+                w = np.float32(start + ku * (i0 + i + 0.5))
+                depths[i] = w if w > depths[i] else depths[i]
+            continue
+        shown, painted = image[j, i0:i1], image.dtype.type(value)
+        for i in range(i1 - i0):
+            w = np.float32(start + ku * (i0 + i + 0.5))
+            closer = w > depths[i]
+            depths[i] = w if closer else depths[i]
+            shown[i] = painted if closer else shown[i]
