@@ -88,20 +88,27 @@ class View(NamedTuple):
     eye: Eye
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def plumb_bob(k: tuple[float, ...], x: float, y: float) -> tuple[float, float]:
+    """Normalized coordinates, distorted by Brown's and Conrady's polynomials."""
+    s = x * x + y * y
+    radial = (1.0 + s * (k[0] + s * (k[1] + s * k[4]))) / (
+        1.0 + s * (k[5] + s * (k[6] + s * k[7]))
+    )
+    return (
+        x * radial + 2.0 * k[2] * x * y + k[3] * (s + 2.0 * x * x),
+        y * radial + k[2] * (s + 2.0 * y * y) + 2.0 * k[3] * x * y,
+    )
+
+
 @njit(cache=True, error_model="numpy")
 def distort(lens: Lens, x: float, y: float) -> tuple[float, float]:
     """Distorted normalized coordinates."""
     k = lens.k
-    s = x * x + y * y
     if lens.model == PLUMB_BOB:
-        radial = (1.0 + s * (k[0] + s * (k[1] + s * k[4]))) / (
-            1.0 + s * (k[5] + s * (k[6] + s * k[7]))
-        )
-        return (
-            x * radial + 2.0 * k[2] * x * y + k[3] * (s + 2.0 * x * x),
-            y * radial + k[2] * (s + 2.0 * y * y) + 2.0 * k[3] * x * y,
-        )
+        return plumb_bob(k, x, y)  # type: ignore[no-any-return]
     if lens.model == EQUIDISTANT:
+        s = x * x + y * y
         r = math.sqrt(s)
         if r < 1e-8:
             return x, y

@@ -9,7 +9,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.camera.lens import NO_DISTORTION, Eye, Image, distort, magnification
+from mffdrake.recognition.camera.lens import (
+    NO_DISTORTION,
+    PLUMB_BOB,
+    Eye,
+    Image,
+    distort,
+    magnification,
+    plumb_bob,
+)
 from mffdrake.recognition.fitness.structs import (
     ColorGate,
     Placed,
@@ -31,6 +39,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Pixels = NDArray[np.int32]
+Point = tuple[float, float, float]
 
 # For each pose: a call that is not inlined passes all of its tuples' arrays, some hundred numbers.
 _inlined = njit(cache=True, error_model="numpy", inline="always")
@@ -49,36 +58,48 @@ def _projection(placed: Placed, eye: Eye) -> tuple[float, ...]:
 
 
 @_inlined
+def _seen_at(projection: tuple[float, ...], a: float, b: float, c: float) -> Point:
+    """Where a point is seen, and its depth, Eq. (13), (15)."""
+    R00, R01, R02, tx, R10, R11, R12, ty, R20, R21, R22, tz = projection
+    depth = R20 * a + R21 * b + R22 * c + tz
+    closeness = 1.0 / depth
+    x = (R00 * a + R01 * b + R02 * c + tx) * closeness
+    y = (R10 * a + R11 * b + R12 * c + ty) * closeness
+    return x, y, depth
+
+
+@_inlined
+def _pixel_at(u: float, v: float, seen: bool, eye: Eye) -> np.int32:
+    """The pixel in which (u, v) lie, half a pixel from its center at the most; -1 for none."""
+    u, v = u + (eye.lens.cx + 0.5), v + (eye.lens.cy + 0.5)  # Eq. (17), (18)
+    inside = (u >= 0.0) & (u < float(eye.width)) & (v >= 0.0) & (v < float(eye.height))
+    return np.int32(v) * np.int32(eye.width) + np.int32(u) if seen & inside else np.int32(-1)
+
+
+@_inlined
 def _find_pixels(
     points: Array, start: int, stop: int, pixels: Pixels, projection: tuple[float, ...], eye: Eye
 ) -> None:
     """Finds the pixels that some of the points, of shape (3, n), fall on; -1 for none."""
     a, b, c = points[0, start:stop], points[1, start:stop], points[2, start:stop]
-    R00, R01, R02, tx, R10, R11, R12, ty, R20, R21, R22, tz = projection
     lens = eye.lens
-    right, below = float(eye.width), float(eye.height)
-    width, nowhere = np.int32(eye.width), np.int32(-1)
-    fx, fy, cu, cv = lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5
-    # Eq. (13), (15), (17), (18); rounding finds the pixel, whose center is a whole number.
+    # A loop each without branches, for the compiler to take several points at once
     if lens.model == NO_DISTORTION:
-        for j in range(len(a)):  # without branches, for the compiler to take several at once
-            depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
-            closeness = 1.0 / depth
-            u = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness + cu
-            v = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness + cv
-            seen = (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
-            pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
-        return
-    for j in range(len(a)):
-        depth = R20 * a[j] + R21 * b[j] + R22 * c[j] + tz
-        closeness = 1.0 / depth
-        x = (R00 * a[j] + R01 * b[j] + R02 * c[j] + tx) * closeness
-        y = (R10 * a[j] + R11 * b[j] + R12 * c[j] + ty) * closeness
-        near = x * x + y * y <= lens.max_radius_squared
-        x, y = distort(lens, x, y)
-        u, v = x * fx + cu, y * fy + cv
-        seen = near & (depth > 0.0) & (u >= 0.0) & (u < right) & (v >= 0.0) & (v < below)
-        pixels[j] = np.int32(v) * width + np.int32(u) if seen else nowhere
+        for j in range(len(a)):
+            u, v, depth = _seen_at(projection, a[j], b[j], c[j])
+            pixels[j] = _pixel_at(u, v, depth > 0.0, eye)
+    elif lens.model == PLUMB_BOB:
+        for j in range(len(a)):
+            x, y, depth = _seen_at(projection, a[j], b[j], c[j])
+            near = (depth > 0.0) & (x * x + y * y <= lens.max_radius_squared)
+            x, y = plumb_bob(lens.k, x, y)
+            pixels[j] = _pixel_at(x * lens.fx, y * lens.fy, near, eye)
+    else:
+        for j in range(len(a)):
+            x, y, depth = _seen_at(projection, a[j], b[j], c[j])
+            near = (depth > 0.0) & (x * x + y * y <= lens.max_radius_squared)
+            x, y = distort(lens, x, y)
+            pixels[j] = _pixel_at(x * lens.fx, y * lens.fy, near, eye)
 
 
 @_inlined
