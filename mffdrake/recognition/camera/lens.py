@@ -92,9 +92,7 @@ class View(NamedTuple):
 def plumb_bob(k: tuple[float, ...], x: float, y: float) -> tuple[float, float]:
     """Normalized coordinates, distorted by Brown's and Conrady's polynomials."""
     s = x * x + y * y
-    radial = (1.0 + s * (k[0] + s * (k[1] + s * k[4]))) / (
-        1.0 + s * (k[5] + s * (k[6] + s * k[7]))
-    )
+    radial = (1.0 + s * (k[0] + s * (k[1] + s * k[4]))) / (1.0 + s * (k[5] + s * (k[6] + s * k[7])))
     return (
         x * radial + 2.0 * k[2] * x * y + k[3] * (s + 2.0 * x * x),
         y * radial + k[2] * (s + 2.0 * y * y) + 2.0 * k[3] * x * y,
