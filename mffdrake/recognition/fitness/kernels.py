@@ -70,7 +70,7 @@ def _seen_at(projection: tuple[float, ...], a: float, b: float, c: float) -> Poi
 
 @_inlined
 def _pixel_at(u: float, v: float, seen: bool, eye: Eye) -> np.int32:
-    """The pixel in which (u, v) lie, half a pixel from its center at the most; -1 for none."""
+    """The pixel nearest to (u, v), which count from the principal point; -1 for none."""
     u, v = u + (eye.lens.cx + 0.5), v + (eye.lens.cy + 0.5)  # Eq. (17), (18)
     inside = (u >= 0.0) & (u < float(eye.width)) & (v >= 0.0) & (v < float(eye.height))
     return np.int32(v) * np.int32(eye.width) + np.int32(u) if seen & inside else np.int32(-1)
@@ -83,7 +83,7 @@ def _find_pixels(
     """Finds the pixels that some of the points, of shape (3, n), fall on; -1 for none."""
     a, b, c = points[0, start:stop], points[1, start:stop], points[2, start:stop]
     lens = eye.lens
-    # A loop each without branches, for the compiler to take several points at once
+    # Eq. (13), (15), (17), (18), in loops without branches: the compiler takes several points at once
     if lens.model == NO_DISTORTION:
         for j in range(len(a)):
             u, v, depth = _seen_at(projection, a[j], b[j], c[j])
