@@ -83,7 +83,7 @@ def _find_pixels(
     """Finds the pixels that some of the points, of shape (3, n), fall on; -1 for none."""
     a, b, c = points[0, start:stop], points[1, start:stop], points[2, start:stop]
     lens = eye.lens
-    # Eq. (13), (15), (17), (18), in loops without branches: the compiler takes several points at once
+    # Eq. (13), (15), (17), (18), without branches: then the compiler takes several points at once
     if lens.model == NO_DISTORTION:
         for j in range(len(a)):
             u, v, depth = _seen_at(projection, a[j], b[j], c[j])
