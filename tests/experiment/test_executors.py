@@ -217,6 +217,37 @@ def test_workers_end_with_the_process_that_started_them(number, status, tmp_path
         assert "Traceback" not in process.stderr.read()
 
 
+INTERRUPTED_EARLY = """
+import os, signal, threading, time
+from mffdrake.experiment.runs.executors.local_processes import LocalProcesses
+
+def interrupt_after(seconds):
+    # From a thread that does not get it itself: so it is for the main one.
+    timer = threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    timer.start()
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+if __name__ == "__main__":
+    with LocalProcesses(1) as executor:  # starts the server
+        list(executor.Run(divmod, [(7, 2)]))
+    for ms in range(1, 31, 2):
+        try:
+            with LocalProcesses(2) as executor:
+                interrupt_after(1e-3 * ms)
+                list(executor.Run(time.sleep, [(20,), (20,)]))
+        except KeyboardInterrupt:
+            pass
+"""
+
+
+def test_workers_that_are_ended_before_they_have_begun_say_nothing(tmp_path):
+    path = tmp_path / "script.py"
+    path.write_text(INTERRUPTED_EARLY)
+    finished = subprocess.run([sys.executable, str(path)], capture_output=True, text=True)
+    assert (finished.returncode, finished.stderr) == (0, "")
+
+
 def test_ctrl_c_on_a_terminal_is_for_the_parent_alone(tmp_path):
     """A terminal sends it to all processes of the group."""
     with subprocess.Popen(

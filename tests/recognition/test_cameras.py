@@ -39,6 +39,13 @@ def test_projection_is_the_pinhole_s_closed_form():
     np.testing.assert_allclose(left[:, 1], right[:, 1])
 
 
+def test_a_point_that_is_too_far_aside_for_numbers_is_not_seen():
+    camera = Camera(width=640, height=480, fx=10.0, fy=10.0, cx=0.0, cy=0.0)
+    pixels, jacobians = camera.project_with_jacobian([[1.0, 1e308, 1.0], [1.0, 1e300, 1.0]])
+    assert np.isnan(pixels[0]).all() and np.isnan(jacobians[0]).all()
+    np.testing.assert_allclose(pixels[1], [10.0, 1e301])
+
+
 def test_disparity_is_focal_length_times_baseline_over_depth():
     right, left = RIG.project(POINTS)
     disparity = np.column_stack([580.0 * 0.150 / POINTS[:, 2], np.zeros(len(POINTS))])

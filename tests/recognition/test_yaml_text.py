@@ -75,7 +75,7 @@ def growing(form, levels):
         ("a: !!python/object:os.system x", "!!python/object:os.system is no tag"),
         ("a: !<tag:yaml.org,2002:int> x", "!!int is no tag"),
         ("a: !Borders 3", "!Borders must be followed by a mapping"),
-        ("a: {_tag: [1]}", r"a tag such as !Rpy must be a text, not \[1\]"),
+        ("a: {_tag: [1]}", r"a tag must be a text such as !Rpy, not \[1\]"),
         ("{[1]: 2}", "line 1, column 2: a key must be a text"),
         ("{a: 1, a: 2}", "the key 'a' stands there twice"),
         ("a: " + nested("[", "]", 51), "line 1, column 53: nested too deeply; 50 levels"),

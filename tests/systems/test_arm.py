@@ -79,6 +79,13 @@ def test_the_default_is_the_pa10():
     np.testing.assert_allclose(np.degrees(q), [0, 30, 0, 90, 0, -30, 0], rtol=1e-15)
 
 
+@pytest.mark.parametrize("tag", ["", 3, "Rpy", "!", None])
+def test_a_tag_that_yaml_cannot_have_is_refused(tag):
+    rotation = {"_tag": tag, "deg": [0.0, 0.0, 90.0]}
+    with pytest.raises(ValueError, match="directives: a tag must be a text such as !Rpy, not"):
+        ArmModel(directives=({"add_weld": {"X_PC": {"rotation": [rotation]}}},))
+
+
 def test_yaml_with_drakes_tags_places_the_arm():
     text = """
         directives:

@@ -211,7 +211,10 @@ def project(lens: Lens, points: Array, jacobians: Array) -> Array:
         x, y = points[j, 0] / z, points[j, 1] / z
         if not (z > 0.0 and x * x + y * y <= lens.max_radius_squared):
             continue
-        pixels[j] = pixel(lens, x, y)
+        u, v = pixel(lens, x, y)
+        if not (math.isfinite(u) and math.isfinite(v)):
+            continue  # farther aside than there are numbers
+        pixels[j, 0], pixels[j, 1] = u, v
         if len(jacobians) > 0:
             ux, uy, vx, vy = pixel_jacobian(lens, x, y)
             jacobians[j, 0] = ux / z, uy / z, -(ux * x + uy * y) / z

@@ -10,7 +10,7 @@ import yaml
 
 from mffdrake.recognition.parameters import OneOf, ParameterError, shorten, shown
 
-__all__ = ["DumpYaml", "ReadYaml"]
+__all__ = ["DumpYaml", "ReadYaml", "check_tags"]
 
 _MOST_LEVELS = 50
 _MOST_DIGITS = 300
@@ -40,9 +40,35 @@ def _Mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
             raise ParameterError(f"the key {shown(key.value)} stands there twice")
         names.add(key.value)
     mapping: dict[Any, Any] = loader.construct_mapping(node, deep=True)
-    if not isinstance(mapping.get(OneOf.TAG, ""), str):
-        raise ParameterError(f"a tag such as !Rpy must be a text, not {shown(mapping[OneOf.TAG])}")
+    _CheckTag(mapping, "")
     return mapping
+
+
+def _CheckTag(mapping: Mapping[Any, Any], where: str) -> None:
+    tag = mapping.get(OneOf.TAG, "!Any")
+    if not (isinstance(tag, str) and tag.startswith("!") and len(tag) > 1):
+        raise ParameterError(f"{where}a tag must be a text such as !Rpy, not {shown(tag)}")
+
+
+def check_tags(data: object, where: str = "") -> None:
+    """Checks the tags in plain data, for which there is no other rule.
+
+    Args:
+        data: Mappings, lists and values, nested at will.
+        where: What the message begins with.
+
+    Raises:
+        ParameterError: When a tag could not be written as YAML, and read again.
+
+    Example:
+        >>> check_tags([{"rotation": {"_tag": "!Rpy", "deg": [0, 0, 180]}}])
+    """
+    if isinstance(data, Mapping):
+        _CheckTag(data, where)
+        data = list(data.values())
+    if isinstance(data, list | tuple):
+        for each in data:
+            check_tags(each, where)
 
 
 def _Tagged(loader: _Loader, suffix: str, node: yaml.Node) -> Any:

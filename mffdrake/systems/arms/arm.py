@@ -21,6 +21,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint, RevoluteJoint
 
 from mffdrake.recognition.parameters import Finite, Text, parameters
+from mffdrake.recognition.parameters.yaml_text import check_tags
 from mffdrake.systems.arms.arm_joints import (
     POSE_SIZE,
     ArmError,
@@ -87,6 +88,10 @@ class ArmModel:
     hand_frame: Text = "hand"
     nominal_deg: tuple[Finite, ...] = (0.0, 30.0, 0.0, 90.0, 0.0, -30.0, 0.0)
     held_joints: tuple[Text, ...] = ("S3",)
+
+    def __post_init__(self) -> None:
+        """Checks the directives' tags; what they say is for Drake to check."""
+        check_tags(self.directives, "directives: ")
 
     @cached_property
     def nominal_positions(self) -> NDArray[np.float64]:

@@ -252,7 +252,10 @@ def _StartWorker(lifeline: Connection, log_level: int, one_thread: bool) -> None
         for name in _ONE_THREAD:
             os.environ.setdefault(name, "1")
     logging.getLogger("mffdrake").setLevel(log_level)
-    lifeline.send_bytes(_STARTED)
+    try:
+        lifeline.send_bytes(_STARTED)
+    except OSError:  # The parent has ended meanwhile.
+        os._exit(1)
     threading.Thread(target=_EndWithParent, args=(lifeline,), daemon=True).start()
 
 
