@@ -218,8 +218,10 @@ def test_a_move_turns_the_target_about_its_origin_by_a_vector_of_the_cameras_fra
 def test_what_has_changed_since_the_start_is_told():
     samples, matching = MATCHER.structs[1:]
     start, scene = displaced(TRUTH, np.random.default_rng(1)), MATCHER.scene(IMAGES[ALIASED])
-    _, *rest = _refinement.refine(start, scene, samples, matching, REFINER.rules, REFINER.stages)
-    pose, C, change = rest[0], rest[1], _refinement.Change(*rest[-5:])
+    (_, pose, C, *_), changed = _refinement.refine(
+        start, scene, samples, matching, REFINER.rules, REFINER.stages
+    )
+    change = _refinement.Change(*changed)
     assert change.shift == pytest.approx(np.linalg.norm(pose[:3] - start[:3]))
     assert change.turn == pytest.approx(float(rotation_angle(pose[3:], start[3:])))
     fitness = MATCHER.fitness([pose, start], IMAGES[ALIASED])

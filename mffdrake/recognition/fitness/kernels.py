@@ -312,7 +312,7 @@ def fitness_of_poses(poses: Array, scene: Scene, samples: Samples, rules: Rules)
             projection = _projection(placed, eye)
             count, matches = 0, 0  # Lambda of Eq. (21): the inside points of the visible faces
             for face in faces:
-                if visible[face] and start[face] < start[face + 1]:
+                if visible[face]:
                     near, j = _place_near(face, shown, scale, placed, samples, scratch)
                     far = shown[j : start[face + 1]]
                     _find_pixels(scratch.points, 0, near, pixels, projection, eye)

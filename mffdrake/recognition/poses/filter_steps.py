@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mffdrake.recognition.poses.cholesky import factor, solve
+from mffdrake.recognition.poses.matrices import factor, product, solve
 from mffdrake.recognition.poses.rotations import multiply, rotation, scalar_part
 
 Array = NDArray[np.float64]
@@ -40,20 +40,6 @@ def _linear(order: int) -> slice:
 def _angular(order: int) -> slice:
     """Where the angular numbers of an order are."""
     return slice(ORDER * order + 3, ORDER * order + 6)
-
-
-@njit(cache=True, error_model="numpy")
-def _product(A: Array, B: Array) -> Array:
-    """A B (numba's own needs SciPy)."""
-    rows, inner, columns = A.shape[0], A.shape[1], B.shape[1]
-    C = np.zeros((rows, columns))
-    for i in range(rows):
-        for k in range(inner):
-            a = A[i, k]
-            if a != 0.0:
-                for j in range(columns):
-                    C[i, j] += a * B[k, j]
-    return C
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,7 +112,7 @@ def right_jacobian(v: Array, sign: float) -> Array:
         if square >= 1e-6:
             half = 0.5 * angle
             second = (1.0 - half * math.cos(half) / math.sin(half)) / square
-    T = _product(S, S)
+    T = product(S, S)
     for i in range(3):
         for j in range(3):
             J[i, j] += first * S[i, j] + second * T[i, j]
@@ -147,7 +133,7 @@ def body_covariance(pose: Array, covariance: Array) -> Array:
             if eta > _HALF_TURN:
                 A[3 + i, 3 + j] += 2.0 / eta * eps[i] * eps[j]
         A[3 + i, 3 + i] += 2.0 * eta
-    P = _product(_product(A, covariance), A.T)
+    P = product(product(A, covariance), A.T)
     if eta <= _HALF_TURN:
         mean = 0.5 * (P[3, 3] + P[4, 4] + P[5, 5])
         for i in range(3):
@@ -166,10 +152,10 @@ def _exponential(A: Array) -> Array:
     power, total = 0.5**halvings * A, term.copy()
     while np.abs(term).max() > 1e-18:
         k += 1
-        term = _product(term, power) / k
+        term = product(term, power) / k
         total += term
     for _ in range(halvings):
-        total = _product(total, total)
+        total = product(total, total)
     return total
 
 
@@ -195,7 +181,7 @@ def transition(dt: float, lasting: float, stiffness: float) -> tuple[Array, Arra
     M = moved[:3, :3].copy()
     both[:3, 3:], both[3:, 3:] = 0.0, -A.T
     both[white, 3 + white] = 1.0
-    Q = _product(_exponential(dt * both)[:3, 3:].copy(), M.T.copy())
+    Q = product(_exponential(dt * both)[:3, 3:].copy(), M.T.copy())
     return M, moved[:3, 3:].copy(), 0.5 * (Q + Q.T)
 
 
@@ -240,7 +226,7 @@ def predict(
 
     F, Q = np.zeros((n, n)), np.zeros((n, n))
     F[_linear(0), _linear(0)], F[_angular(0), _angular(0)] = back, back
-    F[_linear(0), _angular(0)] = -_product(back, _skew(way))
+    F[_linear(0), _angular(0)] = -product(back, _skew(way))
     for r in range(1 + orders):
         along = turns if r == 0 else straight
         for q in range(orders):
@@ -264,10 +250,10 @@ def predict(
     seen = np.zeros((n, 3))
     for q in range(orders):
         seen[_linear(1 + q)] = _skew(later[_linear(q)])
-    F[:, ORDER:] += _product(seen, F[_angular(0), ORDER:].copy())
-    Q += _product(seen, Q[_angular(0)].copy())
-    Q += _product(Q[:, _angular(0)].copy(), seen.T.copy())
-    return later_pose, later, _product(_product(F, P), F.T.copy()) + Q
+    F[:, ORDER:] += product(seen, F[_angular(0), ORDER:].copy())
+    Q += product(seen, Q[_angular(0)].copy())
+    Q += product(Q[:, _angular(0)].copy(), seen.T.copy())
+    return later_pose, later, product(product(F, P), F.T.copy()) + Q
 
 
 class Updated(NamedTuple):
@@ -313,7 +299,7 @@ def update(
     D = np.zeros((6, 6))
     D[_linear(0), _linear(0)] = _matrix(between)
     D[_angular(0), _angular(0)] = right_jacobian(innovation[3:], -1.0)
-    N = _product(_product(D, body_covariance(measured, covariance)), D.T.copy())
+    N = product(product(D, body_covariance(measured, covariance)), D.T.copy())
     S, L = P[:ORDER, :ORDER] + N, np.zeros((6, 6))
     if not factor(S, L):
         return pose, motion, P, innovation, np.inf, 0.0
@@ -329,11 +315,11 @@ def update(
     G = np.eye(n)
     G[_linear(0), _linear(0)] = _matrix(turn).T
     G[_angular(0), _angular(0)] = right_jacobian(correction[_angular(0)], 1.0)
-    M = _product(G, K)
+    M = product(G, K)
     A = G.copy()
     A[:, :ORDER] -= M
     # Joseph's form: positive whatever is rounded
-    left = _product(_product(A, P), A.T.copy()) + _product(_product(M, N), M.T.copy())
+    left = product(product(A, P), A.T.copy()) + product(product(M, N), M.T.copy())
     new_pose, new_motion = pose.copy(), motion + correction[ORDER:]
     for i in range(3):
         for j in range(3):

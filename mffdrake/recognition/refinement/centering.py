@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.structs import Scene
-from mffdrake.recognition.poses.cholesky import factor, invert, solve
+from mffdrake.recognition.poses.matrices import factor, invert, solve
 from mffdrake.recognition.refinement.borders import BORDER, Borders
 from mffdrake.recognition.refinement.edge_lines import Lines
 from mffdrake.recognition.refinement.gauss_newton import fix_gauge, linearize

@@ -217,7 +217,7 @@ def _cross_bent(lens: Lens, line: Line, at: float, share: float) -> Crossing:
 
 @njit(cache=True, error_model="numpy")
 def _magnified(lens: Lens, line: Line, x: float, y: float) -> float:
-    """How far a line's crossing moves [px] where the line moves across itself by 1, times l."""
+    """What ``g`` is multiplied with in `cross_jacobians` [px], at normalized coordinates."""
     ux, uy, vx, vy = pixel_jacobian(lens, x, y)
     across = line.l0 * vy - line.l1 * vx if line.rows else line.l1 * ux - line.l0 * uy
     moved: float = (ux * vy - uy * vx) / across

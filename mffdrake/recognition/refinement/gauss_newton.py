@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.structs import Scene, Solid
-from mffdrake.recognition.poses.cholesky import factor, solve
+from mffdrake.recognition.poses.matrices import factor, solve
 from mffdrake.recognition.poses.rotations import move, rotated, rotation
 from mffdrake.recognition.refinement.borders import BorderRules, Borders
 from mffdrake.recognition.refinement.edge_lines import Lines, cross, cross_jacobians, move_lines

@@ -293,9 +293,10 @@ class BorderRefiner:
 
         given = np.array(pose, dtype=float).reshape(6)
         samples, matching = self.matcher.structs[1:]
-        code, *rest = refining.refine(given, scene, samples, matching, self.rules, self.stages)
-        result = refining.Result(Outcome(code), *rest[: -len(refining.Change._fields)])
-        change = refining.Change(*rest[-len(refining.Change._fields) :])
+        (code, *rest), changed = refining.refine(
+            given, scene, samples, matching, self.rules, self.stages
+        )
+        result, change = refining.Result(Outcome(code), *rest), refining.Change(*changed)
         expected = math.hypot(
             max(self.parameters.border_error, _IMAGING_ERROR),
             math.sqrt(result.aliasing / 12.0),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mffdrake.recognition.fitness.kernels import fitness_of_poses
 from mffdrake.recognition.fitness.structs import Rules, Samples, Scene
-from mffdrake.recognition.poses.cholesky import factor, invert, solve
+from mffdrake.recognition.poses.matrices import factor, invert, product, solve
 from mffdrake.recognition.poses.rotations import angle_between, move, scalar_part
 from mffdrake.recognition.refinement.borders import (
     BorderRules,
@@ -186,17 +186,12 @@ def _pose_covariance(pose: Array, C: Array) -> Array:
     """Covariance of a pose vector's error by that of translation and rotation vector."""
     e1, e2, e3 = pose[3:]
     eta = scalar_part(e1, e2, e3)
-    A, P = np.eye(6), np.zeros((6, 6))
+    A = np.eye(6)
     # deps = 1/2 (eta I - S(eps)) dtheta, Eq. (6)
     A[3, 3], A[3, 4], A[3, 5] = 0.5 * eta, 0.5 * e3, -0.5 * e2
     A[4, 3], A[4, 4], A[4, 5] = -0.5 * e3, 0.5 * eta, 0.5 * e1
     A[5, 3], A[5, 4], A[5, 5] = 0.5 * e2, -0.5 * e1, 0.5 * eta
-    for i in range(6):
-        for j in range(6):
-            for k in range(6):
-                for n in range(6):
-                    P[i, j] += A[i, k] * C[k, n] * A[j, n]
-    return P
+    return product(product(A, C), A.T)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, error_model="numpy")
@@ -224,10 +219,10 @@ def refine(
     matching: Rules,
     rules: BorderRules,
     stages: tuple[Stage, ...],
-) -> tuple[Any, ...]:
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Refines a pose, see `BorderRefiner.refine`.
 
-    Returns the fields of a `Result`, and behind them those of a `Change`.
+    Returns the fields of a `Result` and those of a `Change`.
     """
     result = _without_fit(Outcome.NOT_CONVERGED, start, 0, 0)
     for index in range(len(stages)):
@@ -241,10 +236,12 @@ def refine(
             break
     change = _compare(start, result, scene, samples, matching)
     return (
-        result.outcome.value, result.pose, result.covariance, result.num_borders,
-        result.num_jumps, result.sought, result.inlier_ratio, result.residual, result.aliasing,
-        result.disagreement,
-        change.covariance, change.shift, change.turn, change.fitness, change.before,
+        (
+            result.outcome.value, result.pose, result.covariance, result.num_borders,
+            result.num_jumps, result.sought, result.inlier_ratio, result.residual,
+            result.aliasing, result.disagreement,
+        ),
+        (change.covariance, change.shift, change.turn, change.fitness, change.before),
     )  # fmt: skip
 
 

@@ -330,7 +330,7 @@ class RobustTracker:
     def _nearest(self, pose: Array, C: Array, expected: Array) -> tuple[Array, Array]:
         """Of all poses that look like one, the one nearest to an expected one; its covariance."""
         nearest = self.detector.symmetries.nearest(pose, expected)
-        if nearest is pose or np.array_equal(nearest, pose):
+        if np.array_equal(nearest, pose):
             return pose, C
         turn = transform_from_pose(nearest)[0].T @ transform_from_pose(pose)[0]
         both = np.kron(np.eye(2), turn)

@@ -318,15 +318,11 @@ def _fill(
         i0, i1 = _centers_between(min(long, short), max(long, short), width)
         start = kv * v + k0
         depths = inverse_depth[j, i0:i1]
-        # Without branches, for the compiler to take several pixels at once
-        if image is None:
-            for i in range(i1 - i0):
-                w = np.float32(start + ku * (i0 + i + 0.5))
-                depths[i] = w if w > depths[i] else depths[i]
-            continue
-        shown, painted = image[j, i0:i1], image.dtype.type(value)
-        for i in range(i1 - i0):
+        if image is not None:
+            shown, painted = image[j, i0:i1], image.dtype.type(value)
+        for i in range(i1 - i0):  # without branches, for the compiler to take several at once
             w = np.float32(start + ku * (i0 + i + 0.5))
             closer = w > depths[i]
             depths[i] = w if closer else depths[i]
-            shown[i] = painted if closer else shown[i]
+            if image is not None:  # known when it is compiled
+                shown[i] = painted if closer else shown[i]

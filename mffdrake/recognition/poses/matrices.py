@@ -1,4 +1,4 @@
-"""Compiled Cholesky factors of 6 x 6 matrices (numba). Import only where it runs."""
+"""Compiled products, and Cholesky factors of 6 x 6 matrices (numba). Import only where it runs."""
 
 from __future__ import annotations
 
@@ -52,3 +52,17 @@ def invert(L: Array) -> Array:
         unit[i] = 1.0
         inverse[:, i] = solve(L, unit)
     return inverse
+
+
+@njit(cache=True, error_model="numpy")
+def product(A: Array, B: Array) -> Array:
+    """A B (numba's own needs SciPy)."""
+    rows, inner, columns = A.shape[0], A.shape[1], B.shape[1]
+    C = np.zeros((rows, columns))
+    for i in range(rows):
+        for k in range(inner):
+            a = A[i, k]
+            if a != 0.0:
+                for j in range(columns):
+                    C[i, j] += a * B[k, j]
+    return C
